@@ -132,11 +132,11 @@ def elastic_bounces_grow(engine: str, versions: str, *, thread: str = "", comman
             variant="restitution=1",
             quantity="energy",
             truth="analytic",
-            over=0.02,
+            over=0.002,
             sign=1,
             over_why=(
-                "a step's fall is g dt = 0.7 % of the speed of impact: 1.3 % of the energy, once; what exceeds that has grown from bounce"
-                " to bounce"
+                "a step's fall is g dt = 0.07 % of the speed of impact: 0.13 % of the energy, once; what exceeds that has grown from "
+                "bounce to bounce"
             ),
         ),
         thread=thread,

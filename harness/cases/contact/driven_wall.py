@@ -51,7 +51,7 @@ class DrivenWall:
     """``motion=shake``: a floor carries a block by friction; ``motion=turn``: a wall turns about a pivot and strikes a disk at rest."""
 
     id = "contact/driven-wall"
-    version = 2
+    version = 3
     title = "Disk at a wall that shakes along itself, or turns"
     source = (
         "prescribed path and Newton's second law; Newton's restitution for the velocity of the wall's point of contact"
@@ -59,7 +59,7 @@ class DrivenWall:
     requirement = "a block that sticks moves as the floor does; a disk leaves a turning wall with 1 + e of its speed at the contact"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="motion", default="shake", choices=("shake", "turn"), in_id=True, help="motion of the wall"),
-        Parameter.positive("dt", 2.5e-4, high=1e-2, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 1.5e-4, high=1e-2, unit="s", help="step; sampling of spring engines"),
         Parameter(name="kn", default=1e8, low=1e6, unit="N/m", help="stiffness of spring engines"),
     )  # fmt: skip
 

@@ -47,7 +47,7 @@ RADIUS, MASS = 1.0, math.pi
 """Unit radius and density."""
 
 PAIR = (0, 1)
-PHASE, DAMPED_PHASE = 0.05, 0.02
+PHASE, DAMPED_PHASE = 0.025, 0.01
 """Default resolution of the contact: ``omega dt <= PHASE`` and ``beta omega dt <= DAMPED_PHASE``."""
 
 REST = 1.25
@@ -67,7 +67,7 @@ class BouncingDisk:
     """
 
     id = "impact/bouncing-disk"
-    version = 1
+    version = 2
     title = "Bouncing disk"
     source = "geometric series of Newton's restitution; spring and dashpot under weight: equation of motion, solved in closed form"
     requirement = "flight k reaches e^(2k) h; with e < 1 the disk rests after sqrt(2 h/g) (1 + e)/(1 - e); with e = 1 it never does"
@@ -76,7 +76,7 @@ class BouncingDisk:
                   help="coefficient of restitution; beta and theta follow from it"),
         Parameter.positive("height", 0.45, unit="m", help="gap from which the disk is dropped"),
         GRAVITY,
-        Parameter.positive("dt", 2e-3, unit="s", help="step; sampling of spring engines"),
+        Parameter.positive("dt", 2e-4, unit="s", help="step; sampling of spring engines"),
         Parameter(name="bounces", default=3, low=1, high=12, whole=True, help="flights after the fall that are compared, at most"),
         Parameter.positive("kn", 1e6, unit="N/m", help="stiffness of spring engines: 1e6 makes a contact of 6 ms"),
         CONTACT_DT,
