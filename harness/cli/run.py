@@ -185,10 +185,9 @@ def run(
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
-    from ninedisk.harness.run.isolation import time_limit_from_environment
     from ninedisk.harness.run.judge import exit_code
-    from ninedisk.harness.run.memory import memory_limit as memory_limit_from_environment
-    from ninedisk.harness.run.memory import read_size
+    from ninedisk.harness.run.limits import memory_limit as memory_limit_from_environment
+    from ninedisk.harness.run.limits import read_size, time_limit_from_environment
     from ninedisk.harness.run.plan import plan_matrix, run_command
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder

@@ -35,7 +35,7 @@ from typing import IO, Any, Protocol, cast
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import signal_name, warm_starts
-from ninedisk.harness.run.memory import VARIABLE, default_limit, memory_limit, resident, too_much
+from ninedisk.harness.run.limits import MEMORY_VARIABLE, default_limit, memory_limit, resident, too_much
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import Patience, Progress, broken_cell, run_cell
 from ninedisk.harness.run.warden import owned
@@ -110,8 +110,8 @@ def run_cells(
     cluster : CellRunner, optional
         Run them there instead (`ninedisk.harness.run.cluster`).
     memory : float, optional
-        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.memory.memory_limit`,
-        and on this machine with several jobs their share of `ninedisk.harness.run.memory.default_limit`.
+        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.limits.memory_limit`,
+        and on this machine with several jobs their share of `ninedisk.harness.run.limits.default_limit`.
     """
     alone = len(cells) == 1 and cells[0].user_set
     if cluster is not None:
@@ -176,7 +176,7 @@ def run_task(payload: bytes) -> bytes:
         outcome = TaskResult(unreadable=f"{type(error).__name__}: {error}")
     else:
         if task.memory is not None:
-            os.environ[VARIABLE] = "none" if isinf(task.memory) else f"{task.memory / 1e9:.9f} GB"
+            os.environ[MEMORY_VARIABLE] = "none" if isinf(task.memory) else f"{task.memory / 1e9:.9f} GB"
         try:
             outcome = TaskResult(
                 result=run_cell(
@@ -364,7 +364,7 @@ def run_in_workers(
     CoreError
         A mistake in the user's parameters, if that was asked for.
     """
-    if memory is None and not os.environ.get(VARIABLE):
+    if memory is None and not os.environ.get(MEMORY_VARIABLE):
         memory = default_limit(jobs)
     run = _Dispatch(
         cells, jobs, progress, published, raise_users_mistakes, memory_limit() if memory is None else memory
