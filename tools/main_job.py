@@ -16,6 +16,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from ninedisk.harness.run.journal import journals
 from ninedisk.harness.run.warden import owned
 
 FAILURE, INTERRUPTED = 3, 130
@@ -68,8 +69,12 @@ def main() -> int:
         rows = Path(folder) / "measurements.json"
         more = [word for command in options.engine_cmd for word in ("--engine-cmd", command)]
         more += ["--jobs", options.jobs]
+        if journals(Path(options.store)):
+            more.append("--resume")
         run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
         if run == INTERRUPTED:
+            if journals(Path(options.store)):
+                print("make report, run again, runs what is missing.", file=sys.stderr)
             return run
         counts = statuses(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)

@@ -9,8 +9,9 @@ import math
 import shlex
 from collections import Counter, defaultdict
 from collections.abc import Collection, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,7 @@ from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.cli.support import (
     FAILURE,
+    INTERRUPTED,
     CellProgress,
     Commands,
     Store,
@@ -137,6 +139,9 @@ def run(
             help="Not an error: a case that was asked for and of which a named engine can run no variant.",
         ),
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take the finished cells of an interrupted run; only the others run.")
+    ] = False,
     memory_limit: Annotated[
         str | None,
         typer.Option(
@@ -163,6 +168,9 @@ def run(
 
     Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
 
+    A run that is interrupted or killed keeps its finished cells. The same command with --resume runs the others, and those that ended as an
+    error or a timeout; cells of other code, versions or --jobs are not taken.
+
     A named engine (--engine, --engine-cmd) must be able to run some variant of each case that a GLOB selects, and without a GLOB
     of any case. Else the run ends with 3 and says what the engine lacks; --allow-unsupported permits it.
 
@@ -175,7 +183,7 @@ def run(
          that is not installed)
       3  an engine failed, crashed, ran out of time or took too much memory in some cell; one that runs out of time
          three times in a row is not asked again; or a named engine could run no variant of a selected case
-      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
+      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); finished cells are kept for --resume
     """
     if engine and all_engines:
         raise UsageError("--engine and --all-engines exclude each other: give one of them")
@@ -185,6 +193,7 @@ def run(
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
+    from ninedisk.harness.run.journal import Journal, run_digest
     from ninedisk.harness.run.judge import exit_code
     from ninedisk.harness.run.limits import memory_limit as memory_limit_from_environment
     from ninedisk.harness.run.limits import read_size, time_limit_from_environment
@@ -229,15 +238,35 @@ def run(
     if new_here and {"dem", "cd"} & {cell.engine_id for cell in cells}:
         typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
     started = _now()
-    with _cluster(dask) as cluster, CellProgress() as progress:
-        found = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster, memory=limit)
+    with ExitStack() as stack:
+        cluster = stack.enter_context(_cluster(dask))
+        where = {"jobs": at_once} if cluster is None else cluster.facts()
+        journal = Journal.begin(
+            store, cells, run_digest(where, published), resume=resume, tell=partial(typer.echo, err=True)
+        )
+        for note in journal.notes:
+            typer.echo(note, err=True)
+        try:
+            with CellProgress(len(journal.kept)) as progress:
+                found = run_cells(
+                    cells,
+                    progress,
+                    published=published,
+                    jobs=at_once,
+                    cluster=cluster,
+                    memory=limit,
+                    kept=journal.kept,
+                    keep=journal.keep,
+                )
+        except KeyboardInterrupt:
+            fail(journal.left(), INTERRUPTED)
         results = [gaps.applied(result) for result in found]
         claims = judge_claims(results)
-        where = {"jobs": at_once} if cluster is None else cluster.facts()
+        resumed = {"resumed": len(journal.kept)} if journal.kept else {}
         facts = {
             "started": started,
             "finished": _now(),
-            "provenance": provenance(result.cell for result in results) | where | gaps.facts(),
+            "provenance": provenance(result.cell for result in results) | where | resumed | gaps.facts(),
             "argv": command_line(),
         }
     shown = [result.cell for result in results]
@@ -253,13 +282,16 @@ def run(
         folder: Path | None = None
         if not (nothing and idle):
             folder = write_run(store, new_run_id(), results, claims, facts)
+        journal.done()
         if json_file is not None:
             write_rows(json_file, rows)
         if write_known_gaps is not None:
             write_gaps(write_known_gaps, results)
+    except KeyboardInterrupt:
+        fail(journal.left(), INTERRUPTED)
     except StoreError as error:
         show_summary(shown, rows, None, headlines)
-        fail(str(error), FAILURE)
+        fail(f"{error}{journal.after_failure()}", FAILURE)
     show_summary(shown, rows, folder, headlines)
     bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
     if code and bad:
