@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Collection, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ninedisk.harness.run.cluster import Cluster
+    from ninedisk.harness.run.journal import Journal
 
 
 MAX_LINES = 27
@@ -193,7 +194,8 @@ def run(
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
-    from ninedisk.harness.run.journal import Journal, run_digest
+    from ninedisk.harness.run.journal import Journal as Kept
+    from ninedisk.harness.run.journal import run_digest
     from ninedisk.harness.run.judge import exit_code
     from ninedisk.harness.run.limits import memory_limit as memory_limit_from_environment
     from ninedisk.harness.run.limits import read_size, time_limit_from_environment
@@ -241,25 +243,23 @@ def run(
     with ExitStack() as stack:
         cluster = stack.enter_context(_cluster(dask))
         where = {"jobs": at_once} if cluster is None else cluster.facts()
-        journal = Journal.begin(
+        journal = Kept.begin(
             store, cells, run_digest(where, published), resume=resume, tell=partial(typer.echo, err=True)
         )
         for note in journal.notes:
             typer.echo(note, err=True)
-        try:
-            with CellProgress(len(journal.kept)) as progress:
-                found = run_cells(
-                    cells,
-                    progress,
-                    published=published,
-                    jobs=at_once,
-                    cluster=cluster,
-                    memory=limit,
-                    kept=journal.kept,
-                    keep=journal.keep,
-                )
-        except KeyboardInterrupt:
-            fail(journal.left(), INTERRUPTED)
+        stack.enter_context(_interruptible(journal))
+        with CellProgress(len(journal.kept)) as progress:
+            found = run_cells(
+                cells,
+                progress,
+                published=published,
+                jobs=at_once,
+                cluster=cluster,
+                memory=limit,
+                kept=journal.kept,
+                keep=journal.keep,
+            )
         results = [gaps.applied(result) for result in found]
         claims = judge_claims(results)
         resumed = {"resumed": len(journal.kept)} if journal.kept else {}
@@ -278,17 +278,16 @@ def run(
     idle = [] if allow_unsupported else without_a_cell(shown, named, by_case=bool(globs))
     code = FAILURE if idle else code
     nothing = all(cell["status"] in _NOT_RUN for cell in shown)
+    folder: Path | None = None
     try:
-        folder: Path | None = None
-        if not (nothing and idle):
-            folder = write_run(store, new_run_id(), results, claims, facts)
-        journal.done()
+        with _interruptible(journal):
+            if not (nothing and idle):
+                folder = write_run(store, new_run_id(), results, claims, facts)
+            journal.done()
         if json_file is not None:
             write_rows(json_file, rows)
         if write_known_gaps is not None:
             write_gaps(write_known_gaps, results)
-    except KeyboardInterrupt:
-        fail(journal.left(), INTERRUPTED)
     except StoreError as error:
         show_summary(shown, rows, None, headlines)
         fail(f"{error}{journal.after_failure()}", FAILURE)
@@ -304,6 +303,15 @@ def run(
     if write_known_gaps is not None:
         typer.echo(f"known gaps: {write_known_gaps}; write a cause into each reason")
     raise typer.Exit(code)
+
+
+@contextmanager
+def _interruptible(journal: Journal) -> Iterator[None]:
+    """Say what is kept of a run that is interrupted in here."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        fail(journal.left(), INTERRUPTED)
 
 
 def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: bool) -> list[str]:

@@ -46,7 +46,8 @@ Command = Annotated[
 
 USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
-LINE_SECONDS = 10.0
+LINE_SECONDS, LONG_SECONDS = 10.0, 10.0
+"""Between two lines of progress; a piece that takes longer than the second is shown with its time."""
 TRACEBACK_VARIABLE = "NINEDISK_TRACEBACK"
 UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
@@ -159,15 +160,15 @@ class CellProgress:
         """How many pieces are done, how long the others take, and what is in hand, with its time where that is long."""
         done, total, label = self._state
         now = time.monotonic()
-        if label and now - self._since >= LINE_SECONDS:
+        if label and now - self._since >= LONG_SECONDS:
             label = f"{label} (for {duration(now - self._since)})"
         if not total:
             return label or "at work"
         fresh = done - self._before
-        left = (
-            f"about {duration((now - self._begin) * (total - done) / fresh)} left" if fresh > 0 and done < total else ""
-        )
-        return ", ".join(part for part in (f"[{done}/{total}] {left}".rstrip(), label) if part)
+        left = ""
+        if fresh > 0 and done < total:
+            left = f"about {duration((now - self._begin) * (total - done) / fresh)} left"
+        return f"[{done}/{total}] {', '.join(part for part in (left, label) if part)}".rstrip()
 
     def _show(self) -> None:
         from rich.console import Console
