@@ -30,7 +30,7 @@ _UNITS = {"KB": 10**3, "MB": 10**6, "GB": 10**9, "KIB": 1 << 10, "MIB": 1 << 20,
 _SIZE = re.compile(r"([0-9.]+)\s*([kmg]i?b)", re.IGNORECASE)
 _PROCESSES = Path("/proc")
 _TICK = 1.0 / os.sysconf("SC_CLK_TCK")
-_SHORTEST, _LONGEST = 0.05, 0.5
+_SHORTEST, _LONGEST = 0.05, 1.0
 """Seconds between two readings of the times of processes: each reads all of /proc, some milliseconds."""
 
 
@@ -214,9 +214,9 @@ def _members(leader: int, known: dict[int, _Seen]) -> dict[int, _Seen]:
         pid = int(entry)
         with suppress(OSError, ValueError, IndexError):  # it has ended
             # After the name, which may hold spaces and brackets: state, parent, group, session; proc(5).
-            words = (_PROCESSES / entry / "stat").read_text(errors="replace").rpartition(")")[2].split()
+            words = _read(entry, "stat").rpartition(b")")[2].split()
             own, waited = (int(words[k]) + int(words[k + 1]) for k in (11, 13))
-            seen = _Seen(int(words[19]), own * _TICK, waited * _TICK, None, words[0] == "R")
+            seen = _Seen(int(words[19]), own * _TICK, waited * _TICK, None, words[0] == b"R")
             table[pid] = int(words[1]), seen
             if int(words[3]) == leader or (pid in known and known[pid].start == seen.start):
                 members.add(pid)
@@ -228,12 +228,21 @@ def _members(leader: int, known: dict[int, _Seen]) -> dict[int, _Seen]:
     return {pid: _with_busy(pid, table[pid][1]) for pid in members}
 
 
+def _read(*names: str) -> bytes:
+    """A file of /proc; paths and text layers of Python would take most of the time."""
+    handle = os.open("/".join((str(_PROCESSES), *names)), os.O_RDONLY)
+    try:
+        return os.read(handle, 4096)
+    finally:
+        os.close(handle)
+
+
 def _with_busy(pid: int, seen: _Seen) -> _Seen:
     """The same with its ``busy`` time, of all its threads."""
     busy = 0
     try:
         for task in os.listdir(_PROCESSES / str(pid) / "task"):
-            words = (_PROCESSES / str(pid) / "task" / task / "schedstat").read_text().split()
+            words = _read(str(pid), "task", task, "schedstat").split()
             busy += int(words[0]) + int(words[1])  # ran, waited [ns]
     except (OSError, ValueError, IndexError):
         return seen
