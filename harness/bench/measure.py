@@ -102,7 +102,8 @@ def ask(
     """
     answer = folder / "answer.npz"
     text = json.dumps({**request, "answer": str(answer)})
-    done = run_isolated(command, stdin=text, time_limit=limit, cwd=folder, env=environment)
+    # The limit of a contender is on the wall, that of a process counts the CPU time of all its threads.
+    done = run_isolated(command, stdin=text, time_limit=limit * cores(), cwd=folder, env=environment)
     try:
         with np.load(answer) as data:
             found: dict[str, Any] = {key: data[key] for key in data.files}

@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Collection, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -20,6 +21,7 @@ from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.cli.support import (
     FAILURE,
+    INTERRUPTED,
     CellProgress,
     Commands,
     Store,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ninedisk.harness.run.cluster import Cluster
+    from ninedisk.harness.run.journal import Journal
 
 
 MAX_LINES = 27
@@ -137,6 +140,9 @@ def run(
             help="Not an error: a case that was asked for and of which a named engine can run no variant.",
         ),
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Take the finished cells of an interrupted run; only the others run.")
+    ] = False,
     memory_limit: Annotated[
         str | None,
         typer.Option(
@@ -163,6 +169,9 @@ def run(
 
     Results do not depend on --jobs or --dask; timings do, so runs with different ones are not compared by their timings.
 
+    A run that is interrupted or killed keeps its finished cells. The same command with --resume runs the others, and those that ended as an
+    error or a timeout; cells of other code, versions or --jobs are not taken.
+
     A named engine (--engine, --engine-cmd) must be able to run some variant of each case that a GLOB selects, and without a GLOB
     of any case. Else the run ends with 3 and says what the engine lacks; --allow-unsupported permits it.
 
@@ -175,7 +184,7 @@ def run(
          that is not installed)
       3  an engine failed, crashed, ran out of time or took too much memory in some cell; one that runs out of time
          three times in a row is not asked again; or a named engine could run no variant of a selected case
-      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); nothing was stored
+      130  interrupted (Ctrl-C, SIGTERM, SIGHUP); finished cells are kept for --resume
     """
     if engine and all_engines:
         raise UsageError("--engine and --all-engines exclude each other: give one of them")
@@ -185,10 +194,11 @@ def run(
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.run.gaps import GapFile, read_gaps, write_gaps
-    from ninedisk.harness.run.isolation import time_limit_from_environment
+    from ninedisk.harness.run.journal import Journal as Kept
+    from ninedisk.harness.run.journal import run_digest
     from ninedisk.harness.run.judge import exit_code
-    from ninedisk.harness.run.memory import memory_limit as memory_limit_from_environment
-    from ninedisk.harness.run.memory import read_size
+    from ninedisk.harness.run.limits import memory_limit as memory_limit_from_environment
+    from ninedisk.harness.run.limits import read_size, time_limit_from_environment
     from ninedisk.harness.run.plan import plan_matrix, run_command
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.run.published import check_folder
@@ -230,15 +240,33 @@ def run(
     if new_here and {"dem", "cd"} & {cell.engine_id for cell in cells}:
         typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
     started = _now()
-    with _cluster(dask) as cluster, CellProgress() as progress:
-        found = run_cells(cells, progress, published=published, jobs=at_once, cluster=cluster, memory=limit)
+    with ExitStack() as stack:
+        cluster = stack.enter_context(_cluster(dask))
+        where = {"jobs": at_once} if cluster is None else cluster.facts()
+        journal = Kept.begin(
+            store, cells, run_digest(where, published), resume=resume, tell=partial(typer.echo, err=True)
+        )
+        for note in journal.notes:
+            typer.echo(note, err=True)
+        stack.enter_context(_interruptible(journal))
+        with CellProgress(len(journal.kept)) as progress:
+            found = run_cells(
+                cells,
+                progress,
+                published=published,
+                jobs=at_once,
+                cluster=cluster,
+                memory=limit,
+                kept=journal.kept,
+                keep=journal.keep,
+            )
         results = [gaps.applied(result) for result in found]
         claims = judge_claims(results)
-        where = {"jobs": at_once} if cluster is None else cluster.facts()
+        resumed = {"resumed": len(journal.kept)} if journal.kept else {}
         facts = {
             "started": started,
             "finished": _now(),
-            "provenance": provenance(result.cell for result in results) | where | gaps.facts(),
+            "provenance": provenance(result.cell for result in results) | where | resumed | gaps.facts(),
             "argv": command_line(),
         }
     shown = [result.cell for result in results]
@@ -250,17 +278,19 @@ def run(
     idle = [] if allow_unsupported else without_a_cell(shown, named, by_case=bool(globs))
     code = FAILURE if idle else code
     nothing = all(cell["status"] in _NOT_RUN for cell in shown)
+    folder: Path | None = None
     try:
-        folder: Path | None = None
-        if not (nothing and idle):
-            folder = write_run(store, new_run_id(), results, claims, facts)
+        with _interruptible(journal):
+            if not (nothing and idle):
+                folder = write_run(store, new_run_id(), results, claims, facts)
+            journal.done()
         if json_file is not None:
             write_rows(json_file, rows)
         if write_known_gaps is not None:
             write_gaps(write_known_gaps, results)
     except StoreError as error:
         show_summary(shown, rows, None, headlines)
-        fail(str(error), FAILURE)
+        fail(f"{error}{journal.after_failure()}", FAILURE)
     show_summary(shown, rows, folder, headlines)
     bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
     if code and bad:
@@ -273,6 +303,15 @@ def run(
     if write_known_gaps is not None:
         typer.echo(f"known gaps: {write_known_gaps}; write a cause into each reason")
     raise typer.Exit(code)
+
+
+@contextmanager
+def _interruptible(journal: Journal) -> Iterator[None]:
+    """Say what is kept of a run that is interrupted in here."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        fail(journal.left(), INTERRUPTED)
 
 
 def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: bool) -> list[str]:

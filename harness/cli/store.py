@@ -216,7 +216,7 @@ def prune(
     yes: Annotated[bool, typer.Option("--yes", help="Really remove; without it, only say what would go.")] = False,
     store: Store = Path("results"),
 ) -> None:
-    """Remove runs: half-written ones untouched for a day, and what is asked for. Without --yes nothing is removed.
+    """Remove runs: half-written and interrupted ones untouched for a day, and what is asked for. Without --yes nothing is removed.
 
     What the report and the dashboard show comes from the runs: `ninedisk export` or a copy keeps them elsewhere first.
 
@@ -245,4 +245,4 @@ def prune(
     if yes:
         remove(doomed)
     rest = "" if yes or not doomed else "; nothing was removed: add --yes"
-    typer.echo(f"{len(doomed)} folder(s){rest}" if doomed else "nothing to remove")
+    typer.echo(f"{len(doomed)} run(s){rest}" if doomed else "nothing to remove")

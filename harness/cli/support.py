@@ -8,6 +8,7 @@ import json
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -45,7 +46,8 @@ Command = Annotated[
 
 USAGE, FAILURE, INTERRUPTED = 2, 3, 130
 QUIET_SECONDS = 2.0
-LINE_SECONDS, MOST_SECONDS = 5.0, 300.0
+LINE_SECONDS, LONG_SECONDS = 10.0, 10.0
+"""Between two lines of progress; a piece that takes longer than the second is shown with its time."""
 TRACEBACK_VARIABLE = "NINEDISK_TRACEBACK"
 UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
@@ -100,10 +102,17 @@ def _is_engines_failure(error: Exception) -> bool:
 
 
 class CellProgress:
-    """Progress on standard error: a bar in a terminal, lines ever further apart elsewhere, nothing for short runs."""
+    """Progress on standard error: a bar in a terminal, a line every 10 s elsewhere, nothing for short runs.
 
-    def __init__(self) -> None:
-        self._pause = LINE_SECONDS
+    Parameters
+    ----------
+    before : int
+        Pieces that were done before, from which nothing can be told about how long the others take.
+    """
+
+    def __init__(self, before: int = 0) -> None:
+        self._before = before
+        self._begin = self._since = time.monotonic()
         self._terminal = sys.stderr.isatty()
         self._bar: Bar | None = None
         self._timer: threading.Timer | None = None
@@ -112,7 +121,7 @@ class CellProgress:
         self._closed = False
 
     def __enter__(self) -> CellProgress:
-        self._after(*((QUIET_SECONDS, self._show) if self._terminal else (self._pause, self._line)))
+        self._after(*((QUIET_SECONDS, self._show) if self._terminal else (LINE_SECONDS, self._line)))
         return self
 
     def __exit__(
@@ -128,6 +137,8 @@ class CellProgress:
     def __call__(self, done: int, total: int, label: str = "") -> None:
         """Report that ``done`` of ``total`` pieces are finished and ``label`` begins."""
         with self._lock:
+            if label != self._state[2]:
+                self._since = time.monotonic()
             self._state = (done, total, label)
             if self._bar is not None:
                 self._bar.update(self._bar.task_ids[0], completed=done, total=total or None, description=label)
@@ -138,14 +149,26 @@ class CellProgress:
         self._timer.start()
 
     def _line(self) -> None:
-        """One line, also while a single piece takes long, and the next one later."""
+        """One line, also while a single piece takes long, and the next one."""
         with self._lock:
             if self._closed:
                 return
-            done, total, label = self._state
-            typer.echo(f"[{done}/{total}] {label}".rstrip() if total else label or "at work", err=True)
-            self._pause = min(2.0 * self._pause, MOST_SECONDS)
-            self._after(self._pause, self._line)
+            typer.echo(self._text(), err=True)
+            self._after(LINE_SECONDS, self._line)
+
+    def _text(self) -> str:
+        """How many pieces are done, how long the others take, and what is in hand, with its time where that is long."""
+        done, total, label = self._state
+        now = time.monotonic()
+        if label and now - self._since >= LONG_SECONDS:
+            label = f"{label} (for {duration(now - self._since)})"
+        if not total:
+            return label or "at work"
+        fresh = done - self._before
+        left = ""
+        if fresh > 0 and done < total:
+            left = f"about {duration((now - self._begin) * (total - done) / fresh)} left"
+        return f"[{done}/{total}] {', '.join(part for part in (left, label) if part)}".rstrip()
 
     def _show(self) -> None:
         from rich.console import Console
@@ -164,6 +187,14 @@ class CellProgress:
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._bar.add_task(label, completed=done, total=total or None)
             self._bar.start()
+
+
+def duration(seconds: float) -> str:
+    """``40 s``, ``3 min``, ``2 h 10 min``."""
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def refuse_not_installed(engines: Mapping[str, Engine | Exception]) -> None:

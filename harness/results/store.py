@@ -44,6 +44,9 @@ from ninedisk.harness.results.tables import CaseResult, complete, plain_json, ta
 UNFINISHED = ".tmp-"
 """What the name of a half-written run begins with."""
 
+INTERRUPTED = "interrupted"
+"""Folder with the finished cells of runs that were interrupted (`ninedisk.harness.run.journal`)."""
+
 
 CheckKey = tuple[str, str, str, int]
 """Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
@@ -302,7 +305,7 @@ def _same(one: Path, two: Path) -> bool:
 
 @dataclass(frozen=True)
 class Doomed:
-    """A folder that `prune` would remove, and why."""
+    """A folder, or the file of an interrupted run, that `prune` would remove, and why."""
 
     path: Path
     reason: str
@@ -311,7 +314,7 @@ class Doomed:
 def to_prune(
     store: Path, *, keep: int | None = None, before: datetime | None = None, unreadable: bool = False
 ) -> list[Doomed]:
-    """What there is to remove: stale half-written folders, and what is asked for.
+    """What there is to remove: stale half-written folders and interrupted runs, and what is asked for.
 
     Parameters
     ----------
@@ -332,6 +335,11 @@ def to_prune(
     found = [
         Doomed(path, "half-written, untouched for a day")
         for path in unfinished(store)
+        if now - path.stat().st_mtime > STALE_SECONDS
+    ]
+    found += [
+        Doomed(path, "interrupted run, untouched for a day")
+        for path in sorted((store / INTERRUPTED).glob("*.journal"))
         if now - path.stat().st_mtime > STALE_SECONDS
     ]
     bad = _unreadable(store) if unreadable else {}
@@ -364,7 +372,7 @@ def _unreadable(store: Path) -> dict[str, str]:
 
 
 def prune(doomed: Sequence[Doomed]) -> None:
-    """Remove folders: each is renamed to a name that no reader looks at before its files go.
+    """Remove folders, and files of interrupted runs: each folder is renamed to a name that no reader looks at before its files go.
 
     Raises
     ------
@@ -374,6 +382,9 @@ def prune(doomed: Sequence[Doomed]) -> None:
     for each in doomed:
         hidden = each.path.with_name(f"{UNFINISHED}{each.path.name.removeprefix(UNFINISHED)}")
         try:
+            if each.path.is_file():
+                each.path.unlink()
+                continue
             os.rename(each.path, hidden)
             shutil.rmtree(hidden)
         except OSError as error:

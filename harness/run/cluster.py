@@ -15,7 +15,7 @@ import pickle
 import queue
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -29,7 +29,7 @@ from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import COMPUTING, cpu_model, package_folder
 from ninedisk.harness.run.runner import Progress, broken_cell
-from ninedisk.harness.run.workers import Task, TaskResult, pickled, run_in_workers, run_task
+from ninedisk.harness.run.workers import Keep, Task, TaskResult, pickled, run_in_workers, run_task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -61,16 +61,20 @@ class Cluster:
         published: Path | None = None,
         raise_users_mistakes: bool = False,
         memory: float | None = None,
+        kept: Mapping[int, CaseResult] | None = None,
+        keep: Keep | None = None,
     ) -> list[CaseResult]:
         """Results in the order of the cells; see `ninedisk.harness.run.workers.run_cells`."""
         folder = None if published is None else published.resolve()
-        results: dict[int, CaseResult] = {}
+        results: dict[int, CaseResult] = dict(kept or {})
         numbers: dict[Any, int] = {}
         ended: queue.SimpleQueue[Future[bytes]] = queue.SimpleQueue()
         here: list[int] = []
         watch = _Watch(self.client)
         try:
             for number, cell in enumerate(cells):
+                if number in results:
+                    continue
                 mistakes = raise_users_mistakes
                 payload = pickled(Task(cell=cell, published=folder, raise_users_mistakes=mistakes, memory=memory))
                 if payload is None:
@@ -99,15 +103,25 @@ class Cluster:
                     here.append(number)
                 else:
                     results[number] = result
+                    if keep is not None:
+                        keep(number, result)
                 _tell(progress, results, cells, cells[number].name)
             results |= {number: broken_cell(cells[number], f"not run: {watch.given_up}") for number in waiting}
         finally:
             if not watch.given_up:
                 self.client.cancel(list(numbers))
         # Dask blames a worker's death on all cells that it held; a process for each tells which of them it was.
-        mine = [cells[number] for number in sorted(here)]
-        again = run_in_workers(mine, jobs=1, published=folder, raise_users_mistakes=raise_users_mistakes, memory=memory)
-        results |= dict(zip(sorted(here), again, strict=True))
+        here.sort()
+        mine = [cells[number] for number in here]
+        again = run_in_workers(
+            mine,
+            jobs=1,
+            published=folder,
+            raise_users_mistakes=raise_users_mistakes,
+            memory=memory,
+            keep=None if keep is None else lambda place, result: keep(here[place], result),
+        )
+        results |= dict(zip(here, again, strict=True))
         _tell(progress, results, cells, "")
         return [results[number] for number in range(len(cells))]
 

@@ -33,7 +33,8 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, Support
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps, support_of
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, Row
-from ninedisk.harness.run.isolation import run_isolated, time_limit_from_environment
+from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.run.limits import time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 

@@ -12,6 +12,7 @@ Where `warm_starts` is on, a driver that asks for it runs in a copy of a process
 from __future__ import annotations
 
 import json
+import math
 import os
 import select
 import selectors
@@ -26,13 +27,17 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
-from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.run.memory import memory_limit, resident, too_much
+from ninedisk.harness.run.limits import (
+    TIME_LIMIT_VARIABLE,
+    TimeLimit,
+    memory_limit,
+    resident,
+    time_limit_from_environment,
+    too_much,
+)
 from ninedisk.harness.run.warden import owned
 
-DEFAULT_TIME_LIMIT = 120.0
-TIME_LIMIT_VARIABLE = "NINEDISK_TIME_LIMIT"
 KEEP_BYTES = 1 << 16
 LAST_LINES = 12
 LINE_LENGTH = 150
@@ -67,23 +72,6 @@ class Finished:
         return "\n".join(
             printable(line if len(line) <= LINE_LENGTH else line[:LINE_LENGTH] + " ...") for line in lines[-count:]
         )
-
-
-def time_limit_from_environment(default: float = DEFAULT_TIME_LIMIT) -> float:
-    """Time limit [s]: the environment variable ``NINEDISK_TIME_LIMIT`` if it is set, else ``default``.
-
-    Raises
-    ------
-    UsageError
-        If the variable is not a number above 0.
-    """
-    text = os.environ.get(TIME_LIMIT_VARIABLE)
-    if not text:
-        return default
-    with suppress(ValueError):
-        if (limit := float(text)) > 0.0:
-            return limit
-    raise UsageError(f"{TIME_LIMIT_VARIABLE}={text!r} is not a time limit: give a number of seconds > 0, or unset it")
 
 
 class _Process(Protocol):
@@ -250,7 +238,8 @@ def run_isolated(
     stdin : str
         Text for the standard input (UTF-8); a command that does not read it is no error.
     time_limit : float or None
-        Seconds until the whole group is killed; None: `time_limit_from_environment`.
+        Seconds of CPU time, of all processes together, and of idle time (`ninedisk.harness.run.limits.TimeLimit`) after which the whole
+        group is killed; None: `ninedisk.harness.run.limits.time_limit_from_environment`.
     cwd, env
         Working directory and environment; None: those of this process.
     keep : int
@@ -263,7 +252,7 @@ def run_isolated(
     EngineTimeoutError
         At the time limit.
     EngineError
-        If the command cannot be started, holds more memory than `ninedisk.harness.run.memory.memory_limit`, ends by a signal or
+        If the command cannot be started, holds more memory than `ninedisk.harness.run.limits.memory_limit`, ends by a signal or
         ends with a status other than 0; the message carries its
         last output lines.
     """
@@ -275,7 +264,7 @@ def run_isolated(
     _running.add(process.pid)
     tails = {"stdout": bytearray(), "stderr": bytearray()}
     try:
-        stopped = _converse(process, stdin.encode(), tails, keep, (begin + limit, memory))
+        stopped = _converse(process, stdin.encode(), tails, keep, (TimeLimit(process.pid, limit), memory))
     finally:
         _running.discard(process.pid)
         _kill_group(process.pid)
@@ -290,11 +279,11 @@ def run_isolated(
     )
     said = finished.last_lines()
     tail = f"; its last output:\n{said}" if said else "; it printed nothing"
-    if stopped > 0.0:
+    if isinstance(stopped, int):
         raise EngineError(f"{program} {too_much(stopped, memory)}{tail}")
-    if stopped < 0.0:
+    if stopped:
         raise EngineTimeoutError(
-            f"{program} was stopped at its time limit of {limit:g} s (set {TIME_LIMIT_VARIABLE} to allow more){tail}"
+            f"{program} was stopped at its time limit of {limit:g} s (set {TIME_LIMIT_VARIABLE} to allow more): {stopped}{tail}"
         )
     if name:
         raise EngineError(f"{program} was ended by {name} after {finished.seconds:.2f} s{tail}")
@@ -310,17 +299,17 @@ def end_commands() -> None:
 
 
 def _converse(
-    process: _Process, data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[float, float]
-) -> float:
-    """Feed and drain the pipes until the leader has ended: 0; -1 at the deadline, or the bytes held where these are too many.
+    process: _Process, data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[TimeLimit, float]
+) -> str | int:
+    """Feed and drain the pipes until the leader has ended: ``""``; or why it is out of time, or the bytes held where these are too many.
 
-    ``limits`` are the deadline [s] and the memory [bytes]. The leader is not reaped.
+    ``limits`` are the time and the memory [bytes]. The leader is not reaped.
     """
     assert process.stdin is not None
     assert process.stdout is not None
     assert process.stderr is not None
-    (deadline, memory), ended, looked = limits, False, time.monotonic()
-    end = deadline
+    (clock, memory), ended, looked = limits, False, time.monotonic()
+    end = math.inf
     with selectors.DefaultSelector() as selector, _end_of(process.pid) as over:
         for stream, name in ((process.stdout, "stdout"), (process.stderr, "stderr")):
             os.set_blocking(stream.fileno(), False)
@@ -333,20 +322,21 @@ def _converse(
         pause = 0.002
         while True:
             if not ended and (_has_ended(process.pid) if over is None else _readable(over)):
-                ended, end = True, min(deadline, time.monotonic() + _GRACE)
+                ended, end = True, time.monotonic() + _GRACE
                 _kill_group(process.pid)
             if not _any_output(selector) and ended:
-                return 0.0
+                return ""
             now = time.monotonic()
-            left = end - now
-            if left <= 0.0:
-                return 0.0 if ended else -1.0
+            if now >= end:
+                return ""
+            if not ended and (why := clock.reached()):
+                return why
             if not ended and now >= looked + _LOOK:
                 looked = now
                 if (held := resident(process.pid)) > memory:
-                    return float(held)
+                    return held
             pause = min(2.0 * pause, 0.05)
-            for key, _ in _ready(selector, min(left, pause)):
+            for key, _ in _ready(selector, min(end - now, pause)):
                 if key.data == "end":
                     selector.unregister(key.fileobj)
                 elif key.data == "stdin":

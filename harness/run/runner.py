@@ -42,7 +42,6 @@ from ninedisk.harness.cases.common import with_slop
 from ninedisk.harness.results.figures import figures_to_text
 from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 from ninedisk.harness.results.tables import CaseResult, complete, plain_json
-from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE
 from ninedisk.harness.run.judge import (
     blank_history,
     cell_verdict,
@@ -53,6 +52,7 @@ from ninedisk.harness.run.judge import (
     measurement_row,
     reference_curves,
 )
+from ninedisk.harness.run.limits import TIME_LIMIT_VARIABLE
 from ninedisk.harness.run.plan import Cell, plan_case, request_command, run_command
 from ninedisk.harness.run.precision import in_single_precision
 from ninedisk.harness.run.published import published_checks

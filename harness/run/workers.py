@@ -24,7 +24,7 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isinf
@@ -35,7 +35,7 @@ from typing import IO, Any, Protocol, cast
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import signal_name, warm_starts
-from ninedisk.harness.run.memory import VARIABLE, default_limit, memory_limit, resident, too_much
+from ninedisk.harness.run.limits import MEMORY_VARIABLE, default_limit, memory_limit, resident, too_much
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.runner import Patience, Progress, broken_cell, run_cell
 from ninedisk.harness.run.warden import owned
@@ -54,6 +54,10 @@ ATTEMPTS = 2
 """How often a cell is begun whose worker someone outside ends, the system short of memory for instance."""
 
 
+Keep = Callable[[int, CaseResult], None]
+"""Called with the number of a cell and its result."""
+
+
 class CellRunner(Protocol):
     """Runs cells on other machines."""
 
@@ -65,8 +69,10 @@ class CellRunner(Protocol):
         published: Path | None,
         raise_users_mistakes: bool,
         memory: float | None,
+        kept: Mapping[int, CaseResult] | None,
+        keep: Keep | None,
     ) -> list[CaseResult]:
-        """Results in the order of the cells."""
+        """Results in the order of the cells; see `run_cells`."""
 
 
 def run_matrix(
@@ -93,6 +99,8 @@ def run_cells(
     jobs: int = 0,
     cluster: CellRunner | None = None,
     memory: float | None = None,
+    kept: Mapping[int, CaseResult] | None = None,
+    keep: Keep | None = None,
 ) -> list[CaseResult]:
     """Run planned cells; the results are in their order, and the same, wherever they run.
 
@@ -110,22 +118,42 @@ def run_cells(
     cluster : CellRunner, optional
         Run them there instead (`ninedisk.harness.run.cluster`).
     memory : float, optional
-        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.memory.memory_limit`,
-        and on this machine with several jobs their share of `ninedisk.harness.run.memory.default_limit`.
+        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.limits.memory_limit`,
+        and on this machine with several jobs their share of `ninedisk.harness.run.limits.default_limit`.
+    kept : mapping, optional
+        Results of an interrupted run by the number of their cell, which are not run.
+    keep : callable, optional
+        Called with the number and the result of each cell that was run, as it comes in.
     """
     alone = len(cells) == 1 and cells[0].user_set
     if cluster is not None:
-        return cluster.run(cells, progress, published=published, raise_users_mistakes=alone, memory=memory)
+        return cluster.run(
+            cells, progress, published=published, raise_users_mistakes=alone, memory=memory, kept=kept, keep=keep
+        )
     if jobs:
         return run_in_workers(
-            cells, progress, jobs=jobs, published=published, raise_users_mistakes=alone, memory=memory
+            cells,
+            progress,
+            jobs=jobs,
+            published=published,
+            raise_users_mistakes=alone,
+            memory=memory,
+            kept=kept,
+            keep=keep,
         )
-    results, patience = [], Patience()
-    for done, cell in enumerate(cells):
-        if progress is not None:
-            progress(done, len(cells), cell.name)
-        given_up = patience.given_up(cell)
-        results.append(run_cell(cell, published=published, raise_users_mistakes=alone, given_up=given_up))
+    patience, have = Patience(), dict(kept or {})
+    results = []
+    for number, cell in enumerate(cells):
+        if number in have:
+            results.append(have[number])
+        else:
+            if progress is not None:
+                progress(len(have), len(cells), cell.name)
+            given_up = patience.given_up(cell)
+            results.append(run_cell(cell, published=published, raise_users_mistakes=alone, given_up=given_up))
+            have[number] = results[-1]
+            if keep is not None:
+                keep(number, results[-1])
         patience.saw(cell, results[-1])
     if progress is not None:
         progress(len(cells), len(cells), "")
@@ -176,7 +204,7 @@ def run_task(payload: bytes) -> bytes:
         outcome = TaskResult(unreadable=f"{type(error).__name__}: {error}")
     else:
         if task.memory is not None:
-            os.environ[VARIABLE] = "none" if isinf(task.memory) else f"{task.memory / 1e9:.9f} GB"
+            os.environ[MEMORY_VARIABLE] = "none" if isinf(task.memory) else f"{task.memory / 1e9:.9f} GB"
         try:
             outcome = TaskResult(
                 result=run_cell(
@@ -351,6 +379,8 @@ def run_in_workers(
     published: Path | None = None,
     raise_users_mistakes: bool = False,
     memory: float | None = None,
+    kept: Mapping[int, CaseResult] | None = None,
+    keep: Keep | None = None,
 ) -> list[CaseResult]:
     """Run cells in up to ``jobs`` workers; the results in the order of the cells, whichever ends first.
 
@@ -364,11 +394,12 @@ def run_in_workers(
     CoreError
         A mistake in the user's parameters, if that was asked for.
     """
-    if memory is None and not os.environ.get(VARIABLE):
+    if memory is None and not os.environ.get(MEMORY_VARIABLE):
         memory = default_limit(jobs)
     run = _Dispatch(
         cells, jobs, progress, published, raise_users_mistakes, memory_limit() if memory is None else memory
     )
+    run.resume(kept or {}, keep)
     try:
         run.finish()
     finally:
@@ -400,12 +431,24 @@ class _Dispatch:
         self._begun = [0] * len(cells)
         self._threads: dict[str, int] = {}
         self._done = 0
+        self._tell: Keep | None = None
+
+    def resume(self, kept: Mapping[int, CaseResult], keep: Keep | None) -> None:
+        """Take what an interrupted run has left, and whom to give what comes in."""
+        for number, result in kept.items():
+            self.results[number] = result
+        self._done, self._tell = len(kept), keep
 
     def finish(self) -> None:
         """Until every cell has its result."""
         while self._waiting or self._busy or self._here:
             while self._waiting and self._room(self._waiting[0]):
-                self._begin(self._waiting.popleft())
+                number = self._waiting.popleft()
+                known = self.results[number]
+                if known is None:
+                    self._begin(number)
+                else:
+                    self._patience.saw(self.cells[number], known)
             if self._here and not self._waiting:
                 self._run_here(self._here.popleft())
             by_link = {worker.link: worker for worker in self._busy}
@@ -497,6 +540,8 @@ class _Dispatch:
     def _keep(self, number: int, result: CaseResult) -> None:
         self.results[number] = result
         self._patience.saw(self.cells[number], result)
+        if self._tell is not None:
+            self._tell(number, result)
         self._done += 1
         self._report(self.cells[next(iter(self._busy.values()))].name if self._busy else "")
 

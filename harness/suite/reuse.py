@@ -22,9 +22,9 @@ from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.provenance import provenance
 from ninedisk.harness.run.runner import planned_columns
 
-ELSEWHERE = ("commit", "engines", "jobs")
+ELSEWHERE = ("commit", "engines", "jobs", "resumed")
 """Facts that are not compared as such: the digest of the sources is sharper, engines are compared cell by cell, and how many cells
-run at once moves timings, not results."""
+run at once, or were kept of an interrupted run, moves timings, not results."""
 
 CELL_COLUMNS = ("case", "variant", "engine", "case_version", "params", "setup", "engine_version", "status", "reason")
 SAME = ("case_version", "params", "setup")

@@ -45,7 +45,8 @@ from ninedisk.harness.api.support import (
     without_spring_preload,
 )
 from ninedisk.harness.api.text import printable
-from ninedisk.harness.run.isolation import Finished, run_isolated, time_limit_from_environment
+from ninedisk.harness.run.isolation import Finished, run_isolated
+from ninedisk.harness.run.limits import time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
 from ninedisk.harness.wire.protocol import WireError, parse_message
 from ninedisk.harness.wire.schemas import fault

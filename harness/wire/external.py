@@ -40,7 +40,7 @@ class ExternalEngine(ABC):
     copied: Path | None = None
     """Part of the command that is a Python script which acts as ``__main__`` only, so that workers may run it in copies of one process."""
     time_limit: float | None = None
-    """Seconds; None: the environment variable ``NINEDISK_TIME_LIMIT``, or 120."""
+    """Seconds of CPU time, and of idle time; None: the environment variable ``NINEDISK_TIME_LIMIT``, or 120."""
 
     @abstractmethod
     def info(self) -> EngineInfo:

@@ -150,7 +150,7 @@ STATUS_MEANING = {
     "pass": "every checked quantity lies within its tolerance",
     "fail": "a checked quantity lies outside its tolerance",
     "error": "the engine broke",
-    "timeout": "the engine was stopped at its time limit",
+    "timeout": "the engine was stopped at its limit of CPU time or of idle time",
     "unsupported": "the engine lacks a capability that the case needs",
     "not-installed": "the engine is not on the machine that ran the cases",
     "known-gap": "outside a truth that is itself known to be off; the reason is given",

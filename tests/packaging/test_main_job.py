@@ -31,13 +31,19 @@ def job(root: Path) -> ModuleType:
 
 
 @pytest.mark.parametrize(
-    ("run", "page", "status", "said"),
+    ("run", "third", "page", "flags", "status", "said"),
     [
-        (0, 0, 0, "Measurements: 2 pass, 1 fail"),
-        (1, 0, 0, "Some checks fail"),
-        (3, 0, 3, "exit code 3"),
-        (0, 2, 2, "not built"),
-        (3, 2, 3, "not built"),
+        (0, "pass", 0, [], 0, "Measurements: 2 pass, 1 fail"),
+        (1, "pass", 0, [], 0, "Some checks fail"),
+        (3, "timeout", 0, [], 0, "Some cells ended without a result, 1 timeout: the page lists them first."),
+        (3, "error", 0, [], 0, "1 error"),
+        (3, "error", 0, ["--strict"], 3, "1 error"),
+        (1, "pass", 0, ["--strict"], 0, "Some checks fail"),
+        (3, "unsupported", 0, [], 3, "an engine can run no cell"),
+        (3, "", 0, [], 3, "nothing was run or stored"),
+        (2, "", 0, [], 2, "exit code 2"),
+        (0, "pass", 2, [], 2, "not built"),
+        (3, "error", 2, [], 2, "not built"),
     ],
 )
 def test_exit_status(
@@ -46,7 +52,9 @@ def test_exit_status(
     capsys: pytest.CaptureFixture[str],
     tmp_path: Path,
     run: int,
+    third: str,
     page: int,
+    flags: list[str],
     status: int,
     said: str,
 ) -> None:
@@ -56,13 +64,14 @@ def test_exit_status(
         calls.append(arguments[0])
         if arguments[0] == "report":
             return page
-        rows = [{"status": "pass"}, {"status": "fail"}, {"status": "pass"}]
-        Path(arguments[arguments.index("--json") + 1]).write_text(json.dumps(rows))
+        rows = [{"status": status} for status in ("pass", "fail", third)]
+        if third:  # else nothing was stored
+            Path(arguments[arguments.index("--json") + 1]).write_text(json.dumps(rows))
         return run
 
     monkeypatch.setattr(job, "ninedisk", ninedisk)
     monkeypatch.setattr(job, "news", lambda store: f"news of {store}")
-    monkeypatch.setattr(sys, "argv", ["main_job.py", "--out", str(tmp_path / "page")])
+    monkeypatch.setattr(sys, "argv", ["main_job.py", "--out", str(tmp_path / "page"), *flags])
     assert job.main() == status
     assert calls == ["run", "report"]
     out = capsys.readouterr().out
@@ -93,7 +102,7 @@ def test_ctrl_c_ends_it_without_a_traceback_or_a_page(root: Path, tmp_path: Path
 
 
 def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -> None:
-    assert job.summary(tmp_path / "absent.json") == "no measurements"
+    assert not job.statuses(tmp_path / "absent.json")
 
 
 def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,6 +117,40 @@ def test_one_long_piece_is_no_silence(capsys: pytest.CaptureFixture[str], monkey
     assert capsys.readouterr().err.splitlines()[0] == "[0/7] the first cell"
 
 
+def test_progress_says_how_long_the_rest_takes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 40 cells 10 were kept of an interrupted run: 6 that took 60 s tell that 24 more take 4 min."""
+    now = 1000.0
+    monkeypatch.setattr(support.time, "monotonic", lambda: now)
+    progress = support.CellProgress(10)
+    progress(10, 40, "a")
+    assert progress._text() == "[10/40] a"
+    now += 50.0
+    progress(15, 40, "b")
+    now += 10.0
+    progress(16, 40, "b")
+    assert progress._text() == "[16/40] about 4 min left, b (for 10 s)"
+    progress(16, 40, "c")
+    assert progress._text() == "[16/40] about 4 min left, c"
+    progress(40, 40, "")
+    assert progress._text() == "[40/40]"
+    progress(0, 0, "solving")
+    assert progress._text() == "solving"
+    assert (support.LINE_SECONDS, [support.duration(each) for each in (9.6, 89.0, 5000.0, 7800.0)]) == (
+        10.0,
+        ["10 s", "89 s", "83 min", "2 h 10 min"],
+    )
+
+
+def test_a_line_of_progress_comes_again_and_again(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(support, "LINE_SECONDS", 0.05)
+    with support.CellProgress() as progress:
+        progress(0, 7, "the first cell")
+        time.sleep(1.0)
+    assert len(capsys.readouterr().err.splitlines()) >= 5
+
+
 def test_passes_that_allow_much_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
     place = {"case": "c", "variant": "v", "engine": "e", "status": "pass"}
     numbers = {"quantity": "x", "unit": "m", "abs_error": 0.0, "scale": 2.0, "atol": 0.0}

@@ -17,7 +17,8 @@ import pytest
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.run import isolation
-from ninedisk.harness.run.isolation import TIME_LIMIT_VARIABLE, run_isolated, time_limit_from_environment
+from ninedisk.harness.run.isolation import run_isolated
+from ninedisk.harness.run.limits import TIME_LIMIT_VARIABLE, time_limit_from_environment
 
 
 def python(code: str, *arguments: str) -> list[str]:

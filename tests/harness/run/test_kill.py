@@ -1,4 +1,4 @@
-"""Kill -9 at any moment: the store stays readable, no run is there by half, and running again completes."""
+"""Kill -9 at any moment: the store stays readable, no run is there by half, and `--resume` runs what is missing and nothing else."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.results.reader import read_run, run_ids
+from ninedisk.harness.results.reader import read_about, read_run, run_ids
 from ninedisk.harness.results.store import unfinished
+from ninedisk.harness.run.journal import journals
 
 QUICK = ["pymunk"]
 ALL = ["cd", "dem", "pymunk"]
@@ -118,6 +121,70 @@ def test_fifty_kills(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["prune", "--keep", "1", "--yes", "--store", str(store)])
     assert result.exit_code == 0, result.output
     assert check(store, ALL) == 1
+
+
+TIMINGS = frozenset({"setup_s", "warm_up_s", "advance_s", "cpu_s", "cpu_spread", "reference_s", "repeats"})
+
+
+def same_rows(store: Path, run_id: str, other: Path) -> None:
+    """The run has the rows of the only run of another store, bit by bit, but for timings."""
+    (whole,) = run_ids(other)
+    found, expected = read_run(store, run_id)[1], read_run(other, whole)[1]
+    for name, table in expected.items():
+        left = [frame.drop(columns=[each for each in frame if each in TIMINGS]) for frame in (found[name], table)]
+        pd.testing.assert_frame_equal(*left, check_exact=True)
+
+
+def kill_when_kept(process: subprocess.Popen[bytes], store: Path, size: int) -> None:
+    """Kill once the journals have more than ``size`` bytes, or when the process ends on its own."""
+    end = time.monotonic() + 120.0
+    while time.monotonic() < end and process.poll() is None and kept_bytes(store) <= size:
+        time.sleep(0.001)
+    if process.poll() is None:
+        kill(process)
+
+
+def kept_bytes(store: Path) -> int:
+    total = 0
+    for path in journals(store):
+        with suppress(FileNotFoundError):
+            total += path.stat().st_size
+    return total
+
+
+def resumed_after_kills(folder: Path, engines: list[str], times: int, seed: int, share: float) -> int:
+    """Kill runs, resume each, compare every finished one with a run that nobody killed; the number of cells that were not run again.
+
+    A kill comes at a random time up to ``share`` of what a run takes, every second one at a random number of kept bytes.
+    """
+    whole, store, rng = folder / "whole", folder / "killed", random.Random(seed)
+    begin = time.monotonic()
+    assert start(whole, *run_of(engines, whole)).wait(timeout=300) in (0, 1)
+    took, most = time.monotonic() - begin, 0
+    for k in range(times):
+        process = start(store, *run_of(engines, store), "--resume")
+        if k % 2:
+            time.sleep(rng.uniform(0.0, share * took))
+            if process.poll() is None:
+                kill(process)
+        else:
+            kill_when_kept(process, store, kept_bytes(store) + rng.randrange(20_000))
+        most = max(most, kept_bytes(store))
+    assert most > 0, "no kill struck between two cells"
+    assert start(store, *run_of(engines, store), "--resume").wait(timeout=300) in (0, 1)
+    assert journals(store) == []
+    for run_id in run_ids(store):
+        same_rows(store, run_id, whole)
+    return sum(int(read_about(store, run_id)["provenance"].get("resumed", 0)) for run_id in run_ids(store))
+
+
+def test_a_killed_run_is_resumed(tmp_path: Path) -> None:
+    assert resumed_after_kills(tmp_path, QUICK, 3, seed=3, share=0.8) >= 1
+
+
+@pytest.mark.slow
+def test_twenty_kills_and_resumptions(tmp_path: Path) -> None:
+    assert resumed_after_kills(tmp_path, ALL, 20, seed=4, share=1.1) >= 5
 
 
 def test_a_store_that_writes_in_place_is_found(tmp_path: Path) -> None:

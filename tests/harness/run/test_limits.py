@@ -16,7 +16,7 @@ from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.run.isolation import run_isolated
-from ninedisk.harness.run.memory import VARIABLE, default_limit, read_size, resident
+from ninedisk.harness.run.limits import MEMORY_VARIABLE, default_limit, read_size, resident
 from ninedisk.harness.run.plan import plan_matrix
 from ninedisk.harness.run.workers import run_cells
 
@@ -43,7 +43,7 @@ else:
 @pytest.mark.parametrize("alone", [True, False])
 def test_a_command_and_what_it_starts_are_watched(monkeypatch: pytest.MonkeyPatch, alone: bool) -> None:
     """Also a child that another thread than the first has started."""
-    monkeypatch.setenv(VARIABLE, "200 MB")
+    monkeypatch.setenv(MEMORY_VARIABLE, "200 MB")
     code = HOG.replace("HOG", "sys.stdin.read()")
     with pytest.raises(
         EngineError, match=r"was stopped because it held 0\.2\d* GB of memory, more than the limit of 0\.2 GB"
