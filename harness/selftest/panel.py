@@ -212,7 +212,7 @@ SPHERE_PANEL: dict[str, Probe] = {
     "cools": Probe("spheres/cooling", {"duration": 1.0}),
     "neck": Probe("spheres/jkr", {}),
     "necks": Probe("spheres/jkr", {"speed": 0.9}),
-    "shares": Probe("spheres/budget", {"duration": 0.3}),
+    "shares": Probe("spheres/budget", {"duration": 0.05}),
     "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
     "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),
     "moves": Probe("spheres/invariance/galilei", {"scene": "throw", "frame_vx": 3.0, "frame_vy": -2.0}),
