@@ -70,8 +70,8 @@ test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time,
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "not (timing or slow)" --ninedisk-store "$(STORE)"
 	$(PY) -m pytest -q -m "timing and not slow" $$(grep -rl --include='*.py' 'mark.timing' tests)
 
-slow: $(DEVELOPED) ## Pass the tests that take long: 10,000 odd inputs, 50 kills, every planted defect, large problems, all cells
-	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m slow --ninedisk-store "$(STORE)"
+slow: $(DEVELOPED) ## Pass the tests that take long, and all rows and random inputs of those that `make test` samples
+	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "slow or sampled" --whole --ninedisk-store "$(STORE)"
 
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"

@@ -3,18 +3,61 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import importlib.util
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, cast
 
+import hypothesis
 import pytest
 import typer.testing
 
 pytest_plugins = ["ninedisk.harness.suite.plugin", "pytester"]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--whole", action="store_true", help="run all rows and all random inputs of tests that are sampled"
+    )
+
+
+PART = 4
+"""Of the random inputs of a test a fourth, always the same ones, is enough for each change; `make slow` draws all, anew each time."""
+
+
+def sample_rows(items: Sequence[pytest.Item]) -> None:
+    """Of a test function marked ``sampled(n)`` keep n rows, drawn by a fixed seed; the others are ``slow``.
+
+    A row's draw depends on its own name alone: a new row, or two workers that collect in another order, change no other's.
+    """
+    functions: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("sampled"):
+            functions.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for rows in functions.values():
+        mark = rows[0].get_closest_marker("sampled")
+        assert mark is not None
+        drawn = sorted(rows, key=lambda row: hashlib.sha256(row.nodeid.encode()).digest())
+        for item in drawn[mark.args[0] :]:
+            item.add_marker(pytest.mark.slow)
+
+
+def fewer_inputs(item: pytest.Item) -> hypothesis.settings | None:
+    """Settings under which Hypothesis draws a `PART` of a test's random inputs, by a fixed seed; None where they are few anyway."""
+    given = getattr(getattr(item, "obj", None), "_hypothesis_internal_use_settings", None)
+    if given is None or given.max_examples < 15 * PART:
+        return None
+    return hypothesis.settings(given, max_examples=given.max_examples // PART, derandomize=True, database=None)
+
+
+@pytest.fixture
+def part(request: pytest.FixtureRequest) -> Callable[[int], int]:
+    """How many of so many random inputs a test takes: a `PART` of them, all with ``--whole``."""
+    return (lambda count: count) if request.config.getoption("--whole") else (lambda count: count // PART)
 
 
 MADE_ONCE = ("panel_report", "browser", "built", "measured")
@@ -35,12 +78,21 @@ def pytest_collection() -> Iterator[object]:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Tests that share one of these run in one worker, so that it is made once; else all rows of one test function do.
 
     What pytest-xdist does at the end of a test grows with the number of groups, and ungrouped tests are a group each: ten thousand of
     them keep its own process as busy as a worker.
     """
+    if config.getoption("--whole"):
+        for item in items:
+            if "part" in getattr(item, "fixturenames", ()) or fewer_inputs(item) is not None:
+                item.add_marker(pytest.mark.sampled)
+    else:
+        sample_rows(items)
+        for item in items:
+            if (fewer := fewer_inputs(item)) is not None:
+                cast(Any, item).obj._hypothesis_internal_use_settings = fewer
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
             function = getattr(item, "originalname", item.name)

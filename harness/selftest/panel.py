@@ -37,10 +37,14 @@ ENGINES = ("dem", "spheres", "cd", *DECLARED)
 
 @dataclass(frozen=True)
 class Probe:
-    """A variant of a case: the parameters that differ from its defaults."""
+    """A variant of a case: the parameters that differ from its defaults.
+
+    ``long``: it takes minutes with interpreted kernels, longer than to compile those of a defect.
+    """
 
     case: str
     params: Mapping[str, Any] = field(default_factory=dict)
+    long: bool = False
 
 
 _BOTH = {
@@ -75,14 +79,14 @@ DEM_PANEL: dict[str, Probe] = {
     "shake": Probe(WALL, {"motion": "shake"}),
     "retrace": Probe(RETRACE, {}),
     "retrace-wall": Probe(RETRACE, {"kind": "wall"}),
-    "resist-constant": Probe(RESIST, {"kn": 1e6}),
-    "resist-viscous": Probe(RESIST, {"model": "viscous", "kn": 1e6}),
-    "resist-spring": Probe(RESIST, {"model": "elastic-plastic", "kn": 1e6}),
-    "resist-pair": Probe(RESIST, {"model": "viscous", "plane": "pair", "kn": 1e6}),
-    "hold-spring": Probe(RESIST, {"model": "elastic-plastic", "plane": "hold", "beta": 0.3, "kn": 1e6}),
+    "resist-constant": Probe(RESIST, {"kn": 1e5}),
+    "resist-viscous": Probe(RESIST, {"model": "viscous", "kn": 1e5}),
+    "resist-spring": Probe(RESIST, {"model": "elastic-plastic", "kn": 1e5}),
+    "resist-pair": Probe(RESIST, {"model": "viscous", "plane": "pair", "kn": 1e5}),
+    "hold-spring": Probe(RESIST, {"model": "elastic-plastic", "plane": "hold", "beta": 0.3, "kn": 1e5}),
     "cohesive": Probe(COHESION, {}),
     "cohesive-damped": Probe(COHESION, {"beta": 0.2}),
-    "materials": Probe(MATERIALS, {"kn": 1e7}),
+    "materials": Probe(MATERIALS, {"kn": 1e6}),
     "forces": Probe(FORCES, {}),
     "hold": Probe(HOLD, {"kn": 1e4, "duration": 0.2}),
     "stack": Probe(STACK, {"start": "equilibrium", "n": 12, "duration": 0.02}),
@@ -90,7 +94,7 @@ DEM_PANEL: dict[str, Probe] = {
     "cell-shear": Probe(LATTICE, {"mode": "shear"}),
     "cell-smooth": Probe(SHEAR_CELL, {"mu": 0.0}),
     "cell-seen": Probe(LATTICE, {"mode": "shear", "frame": 3.0}),
-    "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}),
+    "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}, long=True),
     "budget": Probe(BUDGET, {"duration": 0.2}),
     "unequal": Probe(TWO, {"across": -1.2, "restitution": 0.5, "kn": 1e7}),
     "six": Probe(CLUSTER, {"arrangement": "six"}),
@@ -190,8 +194,8 @@ SPHERE_PANEL: dict[str, Probe] = {
     "keeps": Probe("spheres/chung-ooi/4", {"angle": 3.0, "unloading": "none"}),
     "spins": Probe("spheres/chung-ooi/7", {"partner": "same"}),
     "comes-to-roll": Probe("spheres/rolling", {}),
-    "all-ways": Probe("spheres/isotropy", {"speed": 0.6}),
-    "turntable": Probe("spheres/turntable", {"turn": 20.0}),
+    "all-ways": Probe("spheres/isotropy", {"speed": 0.05}),
+    "turntable": Probe("spheres/turntable", {"turn": 40.0}),
     "large": Probe("spheres/chung-ooi/8", {}),
     "turns-with-plane": Probe("spheres/turned", {"kind": "plane"}),
     "turns-about-normal": Probe("spheres/turned", {"kind": "spun"}),
@@ -208,7 +212,7 @@ SPHERE_PANEL: dict[str, Probe] = {
     "cools": Probe("spheres/cooling", {"duration": 1.0}),
     "neck": Probe("spheres/jkr", {}),
     "necks": Probe("spheres/jkr", {"speed": 0.9}),
-    "shares": Probe("spheres/budget", {"duration": 0.3}),
+    "shares": Probe("spheres/budget", {"duration": 0.05}),
     "units": Probe("spheres/invariance/units", {"scene": "heap", "units": "km-Mg-min"}),
     "turned": Probe("spheres/invariance/rotation", {"scene": "table", "angle_deg": 77.0}),
     "moves": Probe("spheres/invariance/galilei", {"scene": "throw", "frame_vx": 3.0, "frame_vy": -2.0}),

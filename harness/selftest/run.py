@@ -9,8 +9,9 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,13 +26,14 @@ from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, EngineR
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
+from ninedisk.harness.run import isolation
 from ninedisk.harness.run.isolation import end_commands, run_isolated
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.runner import run_cell
 from ninedisk.harness.selftest.declared import DECLARED, RUNS, as_rigid
 from ninedisk.harness.selftest.defect import Defect, Edit, check_edits
 from ninedisk.harness.selftest.gallery import CLEAN
-from ninedisk.harness.selftest.panel import panel_cells
+from ninedisk.harness.selftest.panel import PANELS, panel_cells
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 
 Progress = Callable[[int, int, str], None]
@@ -42,6 +44,11 @@ JUDGED = ("pass", "fail")
 
 TIME_LIMIT = 300.0
 """Seconds for one wrong engine on its whole panel; the right ones take some ten, minutes where kernels are interpreted."""
+
+TOGETHER = 8
+"""Runs of the unchanged core that share a process where each is short: to start one takes longer than such a run."""
+
+DRIVER = str(Path(__file__).with_name("driver.py"))
 
 Outcome = EngineRun | EngineError
 
@@ -78,33 +85,79 @@ def run_selftest(
     cells: dict[str, list[Cell]] = {engine: panel_cells(engine, _names(engine, defects, quick)) for engine in engines}
     right: dict[str, dict[str, Outcome]] = {}
     shown: dict[str, dict[tuple[str, str, str], float]] = {}
-    told: dict[str, list[Outcome]] = {}
     total = len(clean) + len(defects)
 
-    def one(defect: Defect) -> Row:
+    def own_cells(defect: Defect) -> list[Cell]:
+        if quick and defect.kind != "clean":
+            return panel_cells(defect.engine, [defect.witness])
+        return cells[defect.engine]
+
+    def row_of(defect: Defect, own: Sequence[Cell], found: Sequence[Outcome], seconds: float) -> Row:
         begin = time.perf_counter()
-        own = panel_cells(defect.engine, [defect.witness]) if quick and defect.kind != "clean" else cells[defect.engine]
-        known = right.get(defect.engine, {})
-        if defect.kind == "history":
-            found = [known[cell.name] for cell in own]
-        elif defect.engine in DECLARED:
-            # What such an engine computes does not depend on what it is declared as.
-            found = told.get(defect.name) or outcomes(defect, own)
-            told[defect.name] = found
-        else:
-            found = outcomes(defect, own)
         if defect.kind == "clean" and not defect.edits:
             right[defect.engine] = {cell.name: outcome for cell, outcome in zip(own, found, strict=True)}
         results = judged(own, [reported(defect, outcome) for outcome in found])
         if defect.kind == "clean" and not defect.edits:
             shown[defect.engine] = headline_errors(results)
-        row = selftest_row(defect, results, time.perf_counter() - begin)
+        row = selftest_row(defect, results, seconds + time.perf_counter() - begin)
         return row | {"headlines": headline_moves(results, shown.get(defect.engine, {}))}
 
+    def rows_of(unit: Sequence[Defect]) -> list[Row]:
+        begin = time.perf_counter()
+        asked = [(defect, own_cells(defect)) for defect in unit]
+        if unit[0].kind == "history":
+            known = [[right[defect.engine][cell.name] for cell in own] for defect, own in asked]
+            return [row_of(*each, found, 0.0) for each, found in zip(asked, known, strict=True)]
+        # What a declared engine computes does not depend on what it is declared as: it runs once.
+        once = {_run_of(defect): (defect, own) for defect, own in reversed(asked)}
+        told = dict(zip(once, together(list(once.values())), strict=True))
+        seconds = (time.perf_counter() - begin) / len(unit)
+        return [row_of(defect, own, told[_run_of(defect)], seconds) for defect, own in asked]
+
     rows: list[Row] = []
-    for batch in (clean, defects):
-        rows += _in_parallel(one, batch, jobs, lambda done, name: progress(done, total, name), len(rows))
+    with _warm_starts():
+        for batch in (clean, defects):
+            units = _units(batch, TOGETHER if quick else 1)
+            rows += _in_parallel(rows_of, batch, units, jobs, lambda done, name: progress(done, total, name), len(rows))
     return rows
+
+
+def _run_of(defect: Defect) -> tuple[str, ...]:
+    """What tells apart the runs of two defects."""
+    return ("declared", defect.name) if defect.engine in DECLARED else (defect.engine, defect.name)
+
+
+def _units(defects: Sequence[Defect], most: int) -> list[list[Defect]]:
+    """Defects that share a process: one that edits the core has its own; up to ``most`` runs of the unchanged core share one.
+
+    The same run under several declarations is one. Unchanged engines and reports of finished runs are a unit each.
+    """
+    units: list[list[Defect]] = []
+    runs: dict[str, dict[tuple[str, ...], list[Defect]]] = {}
+    for defect in defects:
+        if defect.edits or defect.kind == "history":
+            units.append([defect])
+        else:
+            runs.setdefault(RUNS.get(defect.engine, defect.engine), {}).setdefault(_run_of(defect), []).append(defect)
+    for shared in runs.values():
+        sets = list(shared.values())
+        units += [[defect for same in sets[k : k + most] for defect in same] for k in range(0, len(sets), most)]
+    return units
+
+
+@contextmanager
+def _warm_starts() -> Iterator[None]:
+    """Processes of wrong engines start as copies of one that has loaded all but the core (`isolation.Nursery`); they end here."""
+    before = isolation._nurseries
+    isolation.warm_starts()
+    mine = isolation._nurseries
+    try:
+        yield
+    finally:
+        isolation._nurseries = before
+        if before is None and mine is not None:
+            for nursery in mine.values():
+                nursery.end()
 
 
 def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) -> Row:
@@ -200,29 +253,31 @@ def _names(engine: str, defects: Sequence[Defect], quick: bool) -> list[str]:
 
 
 def _in_parallel(
-    one: Callable[[Defect], Row],
+    rows_of: Callable[[Sequence[Defect]], list[Row]],
     defects: Sequence[Defect],
+    units: Sequence[Sequence[Defect]],
     jobs: int,
     progress: Callable[[int, str], None],
     before: int,
 ) -> list[Row]:
     """Rows in the order of the defects; the first exception ends it, and what has not begun is dropped."""
-    rows: dict[int, Row] = {}
+    rows: dict[str, Row] = {}
     with ThreadPoolExecutor(max(1, jobs)) as pool:
-        waiting: dict[Future[Row], int] = {pool.submit(one, defect): k for k, defect in enumerate(defects)}
+        waiting: dict[Future[list[Row]], Sequence[Defect]] = {pool.submit(rows_of, unit): unit for unit in units}
         try:
             while waiting:
-                progress(before + len(rows), defects[min(waiting.values())].id)
+                progress(before + len(rows), next(iter(waiting.values()))[0].id)
                 done, _ = wait(waiting, timeout=1.0, return_when=FIRST_COMPLETED)
                 for future in done:
-                    rows[waiting.pop(future)] = future.result()
+                    unit = waiting.pop(future)
+                    rows |= {defect.id: row for defect, row in zip(unit, future.result(), strict=True)}
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             while any(not future.done() for future in waiting):
                 end_commands()
                 time.sleep(0.02)
             raise
-    return [rows[k] for k in range(len(defects))]
+    return [rows[defect.id] for defect in defects]
 
 
 class EngineWithResult:
@@ -248,40 +303,71 @@ class EngineWithResult:
         return self._outcome
 
 
-def outcomes(defect: Defect, cells: Sequence[Cell]) -> list[Outcome]:
-    """Run the wrong engine on all cells, in one process of its own.
+def together(asked: Sequence[tuple[Defect, Sequence[Cell]]]) -> list[list[Outcome]]:
+    """Run defects with the same edits on their cells, in one process; one that it ended before is run again, alone."""
+    if len(asked) == 1:
+        ((defect, cells),) = asked
+        return [outcomes(defect, cells, compiled=len(cells) == 1 and _long(defect))]
+    found = _outcomes(asked)
+    # Where the process ended early, its end is the answer of all that were to come.
+    return [
+        outcomes(*each) if any(isinstance(outcome, _EndedError) for outcome in one) else one
+        for each, one in zip(asked, found, strict=True)
+    ]
+
+
+def outcomes(defect: Defect, cells: Sequence[Cell], *, compiled: bool = False) -> list[Outcome]:
+    """Run the wrong engine on all cells, in one process of its own; ``compiled``: with kernels compiled for it, not interpreted.
 
     Raises
     ------
     StaleEditError
         If an edit no longer fits.
     """
-    check_edits(defect.edits)
-    asked = [_setup(cell) for cell in cells]
-    given = [_given(defect, setup) for setup in asked]
+    return _outcomes([(defect, cells)], compiled=compiled)[0]
+
+
+def _long(defect: Defect) -> bool:
+    """Whether the witness takes longer with interpreted kernels than their compilation does."""
+    return PANELS[defect.engine][defect.witness].long if defect.witness else False
+
+
+class _EndedError(EngineError):
+    """The process ended before it answered."""
+
+
+def _outcomes(asked: Sequence[tuple[Defect, Sequence[Cell]]], *, compiled: bool = False) -> list[list[Outcome]]:
+    first = asked[0][0]
+    check_edits(first.edits)
+    setups = [[_setup(cell) for cell in cells] for _, cells in asked]
+    given = [[_given(defect, setup) for setup in own] for (defect, _), own in zip(asked, setups, strict=True)]
     with tempfile.TemporaryDirectory(prefix="ninedisk-selftest-", ignore_cleanup_errors=True) as name:
-        folder = Path(name)
-        files = [folder / f"answer-{k}.json" for k in range(len(given))]
+        files = [[Path(name) / f"answer-{k}-{n}.json" for n in range(len(own))] for k, own in enumerate(setups)]
+        runs = [
+            [(scene, numerics, setup, file) for (scene, numerics), setup, file in zip(*each, strict=True)]
+            for each in zip(given, setups, files, strict=True)
+        ]
         requests = [
             encode_request(Request(scene=scene, numerics=numerics, watch=setup.watch, answer_file=str(file)))
-            for (scene, numerics), setup, file in zip(given, asked, files, strict=True)
+            for own in runs
+            for scene, numerics, setup, file in own
         ]
-        edits = [[edit.module, edit.old, edit.new] for edit in defect.edits]
-        job = {"engine": RUNS.get(defect.engine, defect.engine), "edits": edits, "requests": requests}
+        edits = [[edit.module, edit.old, edit.new] for edit in first.edits]
+        job = {"engine": RUNS.get(first.engine, first.engine), "edits": edits, "requests": requests}
         ended = ""
+        # Kernels with edits are compiled into a folder that nobody else reads, by a process that others are no copies of.
+        cache = Path(name) / "kernels" if compiled and any(map(touches_kernels, first.edits)) else None
         try:
             run_isolated(
-                [sys.executable, "-m", "ninedisk.harness.selftest.driver"],
+                [sys.executable, "-P", DRIVER],
                 stdin=json.dumps(job),
                 time_limit=TIME_LIMIT,
-                env=_environment(defect),
+                env=_environment(first, cache),
+                driver=DRIVER if cache is None else None,
             )
         except EngineError as error:
             ended = str(error)
-        found = []
-        for (scene, numerics), setup, file in zip(given, asked, files, strict=True):
-            found.append(_read(file, scene, numerics, setup, ended))
-        return found
+        return [[_read(file, scene, numerics, setup, ended) for scene, numerics, setup, file in own] for own in runs]
 
 
 def reported(defect: Defect, outcome: Outcome) -> Outcome:
@@ -322,7 +408,7 @@ def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str
     try:
         text = file.read_text(encoding="utf-8")
     except OSError:
-        return EngineError(ended or "the process gave no answer")
+        return _EndedError(ended or "the process gave no answer")
     try:
         run = decode_answer(text, scene=scene, numerics=numerics, watch=setup.watch).run
     except EngineError as error:
@@ -331,14 +417,17 @@ def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str
     return replace(run, history=replace(run.history, t=asked))
 
 
-def _environment(defect: Defect) -> dict[str, str]:
-    """One thread; kernels interpreted where they would have to be compiled for this defect alone, which takes half a minute.
+def _environment(defect: Defect, cache: Path | None = None) -> dict[str, str]:
+    """One thread; kernels interpreted where they would have to be compiled for this defect alone, which takes a minute.
 
+    With ``cache`` they are compiled, into this folder; the optimiser does its least, since one run is all that the kernels are for.
     Results are the same. Edits elsewhere are of no module that kernels take a constant from, which a test asserts: they neither need
     other kernels nor leave wrong ones in the cache.
     """
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
-    if any(touches_kernels(edit) for edit in defect.edits):
+    if cache is not None:
+        environment |= {"NUMBA_CACHE_DIR": str(cache), "NUMBA_OPT": "1"}
+    elif any(touches_kernels(edit) for edit in defect.edits):
         environment["NUMBA_DISABLE_JIT"] = "1"
     return environment
 

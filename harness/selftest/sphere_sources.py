@@ -62,7 +62,7 @@ DEFECTS = (
     _kernel("rolling-spring-across-only-x", "the spring of rolling follows the spin about x alone", "resists-both",
             (LAW, "rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)",
              "rolled = plus(rolled, law[ROLL + 2] * slip_dt, (way[0], 0.0, 0.0))")),
-    _kernel("slides-at-half-mu", "contacts slide at half of mu", "heap",
+    _kernel("slides-at-half-mu", "contacts slide at half of mu", "slides",
             (LAW, "    cap = law.mu * repulsive\n", "    cap = 0.5 * law.mu * repulsive\n")),
     _kernel("dashpot-of-one-mass", "the dashpot of two spheres is that of one at a wall", "cools",
             (LISTS, "if law[HERTZ] > 0.0 else 1.0), inv_mass)", "if law[HERTZ] > 0.0 else 1.0), 0.5 * inv_mass)")),

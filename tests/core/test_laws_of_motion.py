@@ -512,13 +512,13 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: object) -> Counter[str
 
 
 @pytest.mark.long
-def test_random_scenes() -> None:
+def test_random_scenes(part: Callable[[int], int]) -> None:
     events: Counter[str] = Counter()
-    for seed in range(60):
+    for seed in range(part(60)):
         rng = np.random.default_rng(seed)
         events += assert_twins(random_scene(rng, STEP, STEPS), damping_form=("central", "lagged")[seed % 2])
     # The scenes reach every branch of the contact law, many times over.
-    assert min(events[name] for name in ("close", "open", "stick", "slip", "no-tension")) >= 20, events
+    assert min(events[name] for name in ("close", "open", "stick", "slip", "no-tension")) >= part(20), events
 
 
 @pytest.mark.parametrize("arm", ["radius", "overlap", "torque-overlap"])

@@ -55,6 +55,7 @@ def test_slow_bodies_rebound_with_the_speed_that_they_come_with(kind: str, steps
     np.testing.assert_allclose(v[-1], v[0, ::-1], rtol=3e-3)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["plane", "space"])
 def test_a_body_that_takes_two_hundred_million_steps_per_radius_is_not_passed_through(kind: str) -> None:

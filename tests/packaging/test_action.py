@@ -139,7 +139,7 @@ def test_the_smoke_tier_asks_for_no_more_than_the_least() -> None:
         assert any(spring_needs(setup.scene, setup.numerics) <= least for setup in setups), case
 
 
-@pytest.mark.parametrize("broken", [False, True])
+@pytest.mark.parametrize("broken", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_its_steps_judge_annotate_and_keep_the_pages(tmp_path: Path, broken: bool) -> None:
     engine = tmp_path / "engine.py"
     source = (ROOT / "docs/examples/spring_dem.py").read_text()

@@ -44,6 +44,7 @@ def open_case(tab, report, name="incline-block", **options):
     tab.wait(DRAWN)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("width", WIDTHS)
 def test_every_page_is_drawn_without_horizontal_scroll(quiet, panel_report, width):
     pages = sorted(panel_report.rglob("*.html"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -72,8 +73,8 @@ def smooth_run(seed: int, *, same: bool, singly: bool) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("singly", [False, True])
-def test_smooth_impacts_never_raise_the_energy(singly: bool) -> None:
-    for seed in range(4 if singly else 12):
+def test_smooth_impacts_never_raise_the_energy(singly: bool, part: Callable[[int], int]) -> None:
+    for seed in range(part(4 if singly else 12)):
         smooth_run(seed, same=seed % 2 == 0, singly=singly)
 
 

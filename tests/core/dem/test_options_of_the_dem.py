@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -69,16 +70,16 @@ def assert_twins(scene: Scene, steps: int = STEPS, **how: Any) -> Counter[str]:
 
 
 @pytest.mark.long
-def test_random_scenes_with_options() -> None:
+def test_random_scenes_with_options(part: Callable[[int], int]) -> None:
     events: Counter[str] = Counter()
-    for seed in range(60):
+    for seed in range(part(60)):
         rng = np.random.default_rng([seed, 18])
         scene = with_options(rng, random_scene(rng, STEP, STEPS), STEP * STEPS)
         events += assert_twins(scene, damping_form=("central", "lagged")[seed % 2], energy_budget=seed % 4 < 2)
     # The scenes reach every branch of the laws, many times over.
-    assert (
-        min(events[name] for name in ("close", "open", "stick", "slip", "no-tension", "pull", "bend", "roll")) >= 20
-    ), events
+    assert min(
+        events[name] for name in ("close", "open", "stick", "slip", "no-tension", "pull", "bend", "roll")
+    ) >= part(20), events
 
 
 def mixed(scene: Scene) -> Scene:
@@ -366,6 +367,7 @@ def balance(history: History) -> np.ndarray:
 ARMS = list(itertools.product(LEVER_ARMS, WALL_VELOCITY_AT, SLIP_AT))
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.long
 @pytest.mark.parametrize(("arm", "at", "slip_at", "xi"), [*((*each, 0.0) for each in ARMS), (*ARMS[0], 2.0)])
 def test_the_channels_close_at_the_order_of_the_scheme(arm: Any, at: Any, slip_at: Any, xi: float) -> None:

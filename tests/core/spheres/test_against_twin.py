@@ -65,6 +65,7 @@ JKR = {"surface": "jkr", "surface_energy": 2.0}
 CONSTANT = {"rolling": Rolling(model="constant", mu=0.05), "twisting": Rolling(model="constant", mu=0.02)}
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("law", "form"),

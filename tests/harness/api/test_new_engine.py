@@ -116,6 +116,7 @@ def test_the_example_in_its_known_gaps_is_one(package: Path, tmp_path: Path) -> 
     assert found.gaps[0].explains("slip-to-roll", "mu=0.3,dt=0.01", "any", "spin", "analytic")
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.long
 @pytest.mark.parametrize(
     ("language", "spheres"),

@@ -236,6 +236,7 @@ def test_siconos_meets_the_exact_steps_of_its_theta(case, theta):
     assert set(exact.status) == {"pass"}
 
 
+@pytest.mark.sampled(1)
 @needs(LAMMPS)
 @pytest.mark.parametrize(("phi", "ratio"), [(15.0, 1.0), (30.0, 2.0 / 3.0)])
 def test_lammps_meets_the_core_with_its_own_lever_arm(run_cell, phi, ratio):

@@ -455,6 +455,7 @@ def test_a_probe_asks_for_its_capability(asked: Capability) -> None:
     assert asked in needed or (asked is Capability.RESTITUTION and setup.scene.walls[0].law.restitution == 0.5)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("engine_id", ["dem", "cd", "pymunk"])
 def test_engines_of_this_process_are_sound(engine_id: str) -> None:
     wrong = [each for each in check_engine(get_engine(engine_id)) if each.status == FAIL]

@@ -45,7 +45,7 @@ def test_exit_codes(here: Path, engines: tuple[str, ...], code: int) -> None:
     assert "warning: nothing ran" not in done.stderr
 
 
-@pytest.mark.parametrize("case", [(), ("fake/*",)])
+@pytest.mark.parametrize("case", [pytest.param((), marks=pytest.mark.slow), ("fake/*",)])
 def test_an_engine_that_can_run_nothing_is_an_error(here: Path, case: tuple[str, ...]) -> None:
     """A check that cannot fail would look green; allowed where it was asked for."""
     refused = ninedisk("run", *case, "-e", "fake-incapable", "--json", "rows.json")

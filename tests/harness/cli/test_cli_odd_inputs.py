@@ -148,6 +148,7 @@ def begun(fake_environment: dict[str, str], tmp_path_factory: pytest.TempPathFac
     return folder
 
 
+@pytest.mark.sampled(40)
 @pytest.mark.usefixtures("fakes", "cells_here")
 @pytest.mark.parametrize(("words", "option"), options())
 def test_odd_values_of_every_option(

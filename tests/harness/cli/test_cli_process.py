@@ -40,6 +40,7 @@ def test_the_shell_sees_the_exit_code(tmp_path: Path, fake_environment: dict[str
     assert done.stderr == ""
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_ctrl_c(
     tmp_path: Path,
@@ -92,6 +93,7 @@ def test_a_closed_pipe_gives_no_traceback(tmp_path: Path, fake_environment: dict
     assert "Error" not in done.stderr
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("engine", "code"), [("fake-good", 0), ("fake-wrong", 1)])
 def test_a_reader_that_leaves_changes_no_verdict(
     tmp_path: Path, fake_environment: dict[str, str], engine: str, code: int

@@ -95,6 +95,7 @@ def plain_dem(setup: Setup, *, torque_arm: str, slip_arm: str, projects: bool) -
     return fn, fs
 
 
+@pytest.mark.sampled(1)
 @needs_lammps
 @pytest.mark.parametrize(("phi", "ratio"), CORNERS)
 def test_distortion_by_granular_is_a_plain_dem_with_two_arms(phi: float, ratio: float) -> None:
@@ -405,6 +406,7 @@ def test_library_that_does_not_load_is_an_error(tmp_path: Path, monkeypatch: pyt
         Lammps().run(setup.scene, setup.numerics, [])
 
 
+@pytest.mark.sampled(1)
 @needs_lammps
 @pytest.mark.parametrize(
     ("rate", "beta"), [(((0.0, 2.0), (0.0, 0.0)), 0.1), (((-0.1, 0.0), (0.0, 0.05)), 0.0)], ids=["shear", "stretch"]

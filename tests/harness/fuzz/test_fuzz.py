@@ -31,6 +31,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NINEDISK_TRACEBACK", raising=False)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_few_hundred_inputs(name: str) -> None:
     for seed in range(SHORT * TARGETS[name][1]):

@@ -24,6 +24,7 @@ def run_of(line: Line, shift: Shift) -> int:
     return line.points[shift.at].run
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(2))
 def test_fifty_noisy_runs_raise_no_alarm(synthetic: ModuleType, seed: int) -> None:

@@ -99,6 +99,7 @@ def test_under_noise_of_ten_per_cent_fifteen_runs_find_it() -> None:
     assert "better" not in verdicts
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize(("runs", "outliers"), [(1, 0.02), (3, 0.0), (10, 0.02)])
 def test_noise_is_no_change(runs: int, outliers: float) -> None:
@@ -191,6 +192,7 @@ def test_ties_are_no_evidence() -> None:
     assert find_change(np.arange(5.0)) is None
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize("noise", ["normal", "outliers", "cauchy"])
 def test_the_scan_alarms_as_rarely_as_it_says(noise: str) -> None:

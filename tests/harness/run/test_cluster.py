@@ -79,6 +79,7 @@ def start(*words: str) -> subprocess.Popen[bytes]:
                             stderr=subprocess.DEVNULL)  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("lost", ["worker", "scheduler"])
 @pytest.mark.usefixtures("fakes")
 def test_a_cluster_that_is_lost_keeps_what_is_done(

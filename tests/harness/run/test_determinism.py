@@ -32,6 +32,7 @@ ROW = 'session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))'
 STOPS = [("spheres.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0")]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("edits", "kind", "verdict"),
     [

@@ -49,10 +49,11 @@ COMMANDS = {
     "selftest": ("selftest", "--quick", "--only", "dem/*", "--jobs", "2"),
     "bench": ("bench", "harness"),
 }
-BUSY = {"selftest": ("selftest.driver", 2), "bench": ("ninedisk run", 1)}
+BUSY = {"selftest": ("selftest/driver.py", 2), "bench": ("ninedisk run", 1)}
 """Commands that run our own engines: what their children are called, and how many there are at once."""
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="the warden needs /proc")
 @pytest.mark.parametrize(
     ("name", "number"),

@@ -100,6 +100,7 @@ def test_one_body_in_all_contacts_leaves_nothing_to_share() -> None:
     assert clashes(stripes) == 0
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
 @pytest.mark.parametrize("relaxation", [1.0, 1.5])
 def test_a_sweep_is_that_of_the_reordered_contacts(sliding: Sliding, relaxation: float) -> None:

@@ -488,6 +488,7 @@ def test_a_settled_box_of_200_spheres_in_lammps_is_the_cores_over_a_thousand_ste
     assert np.abs(core.wall_force[-1, 0, :2]).max() > 1e-4 * weight
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("law", [LINEAR, replace(HERTZ, unloading="force")], ids=["linear", "hertz"])
 def test_a_settled_box_of_200_spheres_in_yade_is_a_plain_dem(
     settled: tuple[SphereScene, History], law: SphereLaw

@@ -59,6 +59,7 @@ def gases(seeds, restitution, times, d=2):
         yield rate, hard_disks(x=mixed.x[0], v=mixed.v[0], restitution=restitution, times=times, **box)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize(("d", "time", "low", "high"), [(2, 70.0, 1.01, 1.02), (3, 60.0, 1.16, 1.18)])
 def test_a_box_has_more_room_outside_than_partners_inside(d, time, low, high):
@@ -74,6 +75,7 @@ def test_a_box_has_more_room_outside_than_partners_inside(d, time, low, high):
         rate_in_box(n=2, side=4.0, radius=1.0)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize("d", [2, 3])
 def test_gases_cool_by_haffs_law_and_scatter_as_derived(d):
