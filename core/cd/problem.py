@@ -346,7 +346,7 @@ class Residuals:
     stationarity : float
         ``|M v - f - H' r|_{M^-1} / sqrt(E)``: error of the bodies' balance of momentum.
     floor_map, floor_gap : float
-        Values of ``natural_map`` and ``duality_gap`` that the round-off error of evaluating u alone explains; where the offsets'
+        Values of ``natural_map`` and ``duality_gap`` that the round-off error of v and of evaluating u alone explains; where the offsets'
         resolution explains more than `UNRESOLVED` of a problem, that too.
     """
 

@@ -26,6 +26,10 @@ NATURAL_MAP, COMPLEMENTARITY, DUALITY_GAP, STATIONARITY, FLOOR_MAP, FLOOR_GAP = 
 ROUND_OFF = 16.0
 """Multiple of the estimated evaluation error below which a figure says nothing."""
 
+SUMMED = 0.25
+"""Of the velocity that a contact's own forces give its bodies, what counts in the round-off of theirs: it is a sum of such velocities, far
+larger than itself where light bodies bear heavy ones."""
+
 UNRESOLVED = 1e-3
 """Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
 
@@ -226,7 +230,7 @@ def sum_residuals(
     """Sums over the contacts from which `ninedisk.core.cd.problem.measure` forms its figures; arguments as in `ContactProblem`.
 
     With ``u = H v + g + C (r - (0, q0))``, for Coulomb ``u_n`` increased by ``mu |u_t|``, P the projection on the cone and
-    ``noise`` the round-off error of evaluating ``u``, ``sums`` receives
+    ``noise`` the round-off error of evaluating ``u`` from ``v``, and of ``v`` from the forces, ``sums`` receives
 
     ``MAP`` |r - P(r - rho u)|^2, ``FORCE`` |r|^2, ``FREE_MAP`` |P(-rho b)|^2, ``WORK`` sum |r.u|, ``GAP`` sum r.u,
     ``VIOLATION`` sum of max(0, mu |u_t| - u_n), ``ENERGY_W`` sum r.(u - b), ``ENERGY_B`` sum r.b, ``LARGEST`` max p,
@@ -245,6 +249,7 @@ def sum_residuals(
             if i >= 0:
                 arm = abs(arms[k, side]) + abs(arms[k, 2 + side])
                 size += abs(v[i, 0]) + abs(v[i, 1]) + arm * abs(v[i, 2])
+        size += SUMMED * (p + abs(q)) / rho[k]
         un += offset[k, 0] + compliance[k, 0] * p
         ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k])
         friction = mu[k] * abs(ut)
