@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -220,14 +221,23 @@ MOVED = 1e-9
 def looks_right(row: Mapping[str, Any]) -> list[str]:
     """Cases whose checks catch a wrong engine and whose headlines do not move: there it looks as accurate as the right one.
 
-    Left out are cases that say why (`headlines_beside`).
+    Left out are cases that say why for each quantity whose check fails (`unseen_quantities`).
     """
-    return [case for case in row["by_case"] if row["headlines"].get(case, 0.0) <= MOVED and not headlines_beside(case)]
+    return [
+        case
+        for case in row["by_case"]
+        if row["headlines"].get(case, 0.0) <= MOVED and unseen_quantities(case, row["checks"])
+    ]
 
 
-def headlines_beside(case: str) -> str:
-    """Why the headlines of a case need not show each fault that its checks catch: the case's attribute ``beside_headlines``."""
-    return str(getattr(get_case(case), "beside_headlines", ""))
+def unseen_quantities(case: str, checks: Sequence[str]) -> list[str]:
+    """Quantities of a case's failed checks (`check_id`) of which it does not say why its headlines need not show them.
+
+    The case's attribute ``beside_headlines`` gives a reason for each pattern of names.
+    """
+    patterns = getattr(get_case(case), "beside_headlines", {})
+    quantities = {each.rpartition("] ")[2].partition(" (")[0] for each in checks if each.startswith(f"{case}[")}
+    return sorted(name for name in quantities if not any(fnmatchcase(name, pattern) for pattern in patterns))
 
 
 def check_id(row: Mapping[str, Any]) -> str:

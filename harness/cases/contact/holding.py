@@ -48,9 +48,10 @@ class Holding:
         "a closed contact takes its pull and an open one attracts nothing; friction sees the repulsive part of the force; "
         "what can rest rests"
     )
-    beside_headlines = (
-        "of the pyramid that rigid contacts hold and springs may not there is no displacement that is true for both"
-    )
+    beside_headlines = {
+        name: "of what rigid contacts hold and springs may not there is no displacement that is true for both"
+        for name in ("fallen", "gap", "moved", "sunk")
+    }
     parameters: tuple[Parameter, ...] = (
         Parameter(name="kind", default="cohesion", choices=tuple(MU), in_id=True, help="what holds"),
         *(replace(each, default="coulomb") if each.name == "sliding" else each for each in CONTACT_DYNAMICS),

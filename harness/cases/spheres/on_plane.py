@@ -828,13 +828,15 @@ class Resisted:
         return against_spring(t, **given, kr=params["kr"], beta=0.0, mass=MASS, radius=RADIUS)
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """How far it gets, in parts of the way without resistance."""
-        t_end = float(observed.t[-1])
+        """How far it gets, in parts of the way without resistance; with twisting, the spin about the normal."""
+        t_end, twists = float(observed.t[-1]), params["plane"] == "twisting"
         free = self._speed(params) * t_end + G * math.sin(self._angle(params)) * t_end**2 / (2.0 + 2.0 * UNIFORM_SPHERE)
         return (
             Headline(name="distance against rolling resistance", use="rolling", quantity="way_final",
                      expected=float(self._rolled(params, observed.t[-1:]).x[0]), source=self.source, scale=free,
                      scale_is="distance without resistance"),
+            Headline(name="spin against twisting resistance", use="rolling", quantity="spin_z", source=self.source, scale=SPIN,
+                     expected=_twisted(observed.t, params["model"], params) if twists else math.nan, scale_is="initial spin"),
         )  # fmt: skip
 
     def checks(
