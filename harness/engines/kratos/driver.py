@@ -240,7 +240,9 @@ class Run(SpringRun):
         found = {}
         total = -self.read(Dem.RIGID_ELEMENT_FORCE)[:, :2]  # on the disks
         away = x[:, None] - pose[None, :, 0:2]
-        near = (away * pose[None, :, 2:4]).sum(axis=2) < 1.01 * self.radius[:, None]  # which of them touch is seen below
+        near = (away * pose[None, :, 2:4]).sum(axis=2) < 1.01 * self.radius[
+            :, None
+        ]  # which of them touch is seen below
         for i in np.flatnonzero(near.any(axis=1)).tolist():
             touching = []
             for w in np.flatnonzero(near[i]).tolist():

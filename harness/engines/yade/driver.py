@@ -191,7 +191,7 @@ class Run(SpringRun):
 
     def apply_loads(self):
         """Forces and torques of the scene, in a step that has forgotten the last one's."""
-        for i, (fx, fy, torque) in enumerate(self.loads_at(self.now)):
+        for i, (fx, fy, torque) in enumerate(self.loads_at(self.now).tolist()):
             O.forces.addF(self.ids[i], Vector3(fx, fy, 0.0))
             O.forces.addT(self.ids[i], Vector3(0.0, 0.0, torque))
 
