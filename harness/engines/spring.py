@@ -196,24 +196,33 @@ def plane_path(scene: SphereScene, dt: float, n_steps: int) -> FloatArray:
     last = int(min(float(n_steps), np.ceil(max(ends, default=0.0) / dt) + 1.0))
     poses = PlanePoses(scene)
     path = np.zeros(((last if poses.moving else 0) + 1, len(scene.walls), 12))
+    motions = [_segments(wall, w, poses) for w, wall in enumerate(scene.walls)]
     for n, rows in enumerate(path):
         now, middle = poses(n * dt), max(0.0, (n - 0.5) * dt)
         rows[:, 0:3], rows[:, 3:6] = now.point, now.normal
-        for w, wall in enumerate(scene.walls):
-            begin = 0.0
-            for segment in wall.motion:
+        for w, motion in enumerate(motions):
+            for segment, begin, velocity, amplitude, spin, pivot in motion:
                 if middle < begin + segment.duration:
-                    pivot = poses(begin).point[w] if segment.pivot is None else np.array(segment.pivot)
                     tau = n * dt - begin
                     wave = np.sin(segment.frequency * tau + segment.phase) - np.sin(segment.phase)
                     rate = segment.frequency * np.cos(segment.frequency * (middle - begin) + segment.phase)
-                    pivot = pivot + tau * np.array(segment.velocity) + wave * np.array(segment.amplitude)
-                    spin = np.array(segment.angular_velocity)
-                    velocity = np.array(segment.velocity) + rate * np.array(segment.amplitude)
-                    rows[w, 6:9], rows[w, 9:12] = velocity + np.cross(spin, now.point[w] - pivot), spin
+                    arm = now.point[w] - (pivot + tau * velocity + wave * amplitude)
+                    (p, q, r), (x, y, z) = spin, arm.tolist()
+                    rows[w, 6:9] = velocity + rate * amplitude + (q * z - r * y, r * x - p * z, p * y - q * x)
+                    rows[w, 9:12] = spin
                     break
-                begin += segment.duration
     return path
+
+
+def _segments(wall: PlaneWall, w: int, poses: PlanePoses) -> list[tuple[Any, ...]]:
+    """Segments of a plane's motion, when each begins [s], and what the path has of it in every step: once, as arrays."""
+    begin, found = 0.0, []
+    for segment in wall.motion:
+        pivot = poses(begin).point[w] if segment.pivot is None else np.array(segment.pivot)
+        velocity, amplitude = np.array(segment.velocity), np.array(segment.amplitude)
+        found.append((segment, begin, velocity, amplitude, segment.angular_velocity, pivot))
+        begin += segment.duration
+    return found
 
 
 def sphere_laws(scene: SphereScene) -> list[SphereLaw]:

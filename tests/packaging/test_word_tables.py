@@ -23,7 +23,17 @@ from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIR
 from ninedisk.harness.run.converge import VERDICTS
 from ninedisk.reports.panel import text as words
 
-OUTSIDE = ("driver", "space_driver", "solver_driver", "yade_parts", "drivers", "template", "pytest_plugin", "__main__")
+OUTSIDE = (
+    "driver",
+    "space_driver",
+    "solver_driver",
+    "yade_parts",
+    "lammps_parts",
+    "drivers",
+    "template",
+    "pytest_plugin",
+    "__main__",
+)
 """Modules that run inside other programs."""
 
 PARTIAL = {

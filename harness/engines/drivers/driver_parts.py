@@ -4,6 +4,7 @@ Drivers run inside other programs, some under the system's Python: plain Python 
 """
 
 import json
+import os
 import sys
 import time
 
@@ -29,11 +30,27 @@ def serve(make):
             "engine_version": run.version(),
             "timings": {"setup": setup, "warm_up": 0.0, "advance": float(spent[0]), **cpu},
             "settings": run.settings(),
-            "history": run.history(),
+            "history": written(run.history(), request["answer_file"]),
         }
     except Exception as error:  # the harness shows the text; a traceback would only bury it
         answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
     write(request, answer)
+
+
+MANY = 5000
+"""Numbers of a history from which a file of arrays takes less time than text."""
+
+
+def written(history, answer_file):
+    """A history of arrays as the answer has it: as lists or, with `MANY` numbers, in a file beside the answer."""
+    meaning, energy = history.pop("force_meaning"), history.pop("energy")
+    if sum(np.size(values) for values in history.values()) < MANY:
+        lists = {name: known(values) for name, values in history.items()}
+        return {**lists, "force_meaning": meaning, "energy": {name: known(values) for name, values in energy.items()}}
+    name = os.path.basename(answer_file) + ".npz"
+    path = os.path.join(os.path.dirname(answer_file), name)
+    np.savez(path, **history, **{f"energy.{kind}": values for kind, values in energy.items()})
+    return {"file": name, "force_meaning": meaning}
 
 
 def clock():
@@ -105,11 +122,13 @@ class Run(Bodies):
 
     def loads(self, begin, end):
         """Mean force [N] on each disk and torque [N m] on it between two times [s], shape (n, 3)."""
-        mean = np.zeros((self.n, 3))
+        mean = [[0.0, 0.0, 0.0] for _ in range(self.n)]
         for force in self.forces_on:
             part = max(0.0, min(end, force["end"]) - max(begin, force["begin"])) / (end - begin)
-            mean[force["disk"]] += part * np.array([*force["force"], force["torque"]])
-        return mean
+            row = mean[force["disk"]]
+            for k, value in enumerate((*force["force"], force["torque"])):
+                row[k] += part * value
+        return np.array(mean).reshape(self.n, 3)
 
     def sample(self, step, x, v, omega, angle, forces, pose, wall_force, elastic=None):
         """Append one sample.
@@ -135,7 +154,7 @@ class Run(Bodies):
         self.static.append(moment)
 
     def history(self):
-        """All samples as the arrays of the wire format."""
+        """All samples as arrays, named as in the wire format."""
         steps, n, m, c = len(self.samples), self.n, len(self.walls), len(self.pairs)
         step, *columns, elastic = zip(*self.samples)  # noqa: B905
         shapes = ((n, 2), (n, 2), (n,), (n,), (c, 2), (m, 4), (m, 2))
@@ -148,28 +167,28 @@ class Run(Bodies):
         inertia = np.where(self.rotating, self.inertia, 0.0)
         # Sums over the disks of each sample alone: BLAS rounds those of a sample by how many samples there are.
         energy = {
-            "kinetic": (0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1)).tolist(),
-            "gravity": (-((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)).tolist(),
+            "kinetic": 0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1),
+            "gravity": -((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1),
         }
         if elastic[0] is not None:
-            energy["elastic"] = known(np.array(elastic, dtype=float))
+            energy["elastic"] = np.array(elastic, dtype=float)
         t = np.array(step) * (self.substeps * self.dt)
-        stress = {"stress": self.cell.stress(t, x, v, self.mass, self.static).tolist()} if self.static else {}
+        stress = {"stress": self.cell.stress(t, x, v, self.mass, self.static)} if self.static else {}
         return {
             **stress,
-            "step": list(step),
-            "t": t.tolist(),
-            "x": x.tolist(),
-            "v": v.tolist(),
-            "angle": angle.tolist(),
-            "omega": omega.tolist(),
-            "gap": self._gaps(t, x, point, normal).tolist(),
-            "fn": known(forces[:, :, 0]),
-            "fs": known(forces[:, :, 1]),
+            "step": np.array(step),
+            "t": t,
+            "x": x,
+            "v": v,
+            "angle": angle,
+            "omega": omega,
+            "gap": self._gaps(t, x, point, normal),
+            "fn": forces[:, :, 0],
+            "fs": forces[:, :, 1],
             "force_meaning": self.force_meaning,
-            "wall_point": point.tolist(),
-            "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]).tolist(),
-            "wall_force": known(wall_force),
+            "wall_point": point,
+            "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]),
+            "wall_force": wall_force,
             "energy": energy,
         }
 

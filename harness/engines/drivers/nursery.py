@@ -8,6 +8,7 @@ seconds. Until then it is not reaped, so that its number stays its own. When the
 Each run is the driver from its first line, in a process that no other run has touched; only what its imports load is there before.
 """
 
+import gc
 import json
 import os
 import runpy
@@ -29,6 +30,8 @@ def main():
     loaded = runpy.run_path(sys.argv[0], init_globals=GIVEN, run_name="driver")
     loaded.get("preload", int)()
     del loaded
+    gc.collect()
+    gc.freeze()  # a copy's collections would write to, and so copy, all that is loaded
     running = 0
     try:
         while True:
@@ -76,3 +79,7 @@ GIVEN = {
 if main():
     os._exit(0)
 runpy.run_path(sys.argv[0], init_globals=GIVEN, run_name="__main__")
+# All is said and written: what the interpreter takes apart at its end is copied first.
+sys.stdout.flush()
+sys.stderr.flush()
+os._exit(0)

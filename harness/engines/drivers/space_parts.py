@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from driver_parts import Bodies, known
+from driver_parts import Bodies
 
 LAW = {
     "kn": 0.0,
@@ -98,7 +98,7 @@ class SpaceRun(Bodies):
         )
 
     def history(self):
-        """All samples as the arrays of the wire format."""
+        """All samples as arrays, named as in the wire format."""
         steps, n, m, c = len(self.samples), self.n, len(self.walls), len(self.pairs)
         step, *columns = zip(*self.samples)  # noqa: B905
         shapes = ((n, 3), (n, 3), (n, 3), (n, 3), (c,), (c, 3), (m, 12), (m, 3))
@@ -116,24 +116,24 @@ class SpaceRun(Bodies):
         translation = 0.5 * ((v**2).sum(axis=2) * self.mass).sum(axis=1)
         rotation = 0.5 * ((omega**2).sum(axis=2) * self.inertia).sum(axis=1)
         return {
-            "step": list(step),
-            "t": (np.array(step) * (self.substeps * self.dt)).tolist(),
-            "x": x.tolist(),
-            "v": v.tolist(),
-            "angle": known(angle),
-            "omega": omega.tolist(),
-            "gap": gap.tolist(),
-            "fn": known(fn),
-            "fs": known(fs),
+            "step": np.array(step),
+            "t": np.array(step) * (self.substeps * self.dt),
+            "x": x,
+            "v": v,
+            "angle": angle,
+            "omega": omega,
+            "gap": gap,
+            "fn": fn,
+            "fs": fs,
             "force_meaning": self.force_meaning,
-            "wall_point": point.tolist(),
-            "wall_angle": normal.tolist(),
-            "wall_force": known(wall_force),
+            "wall_point": point,
+            "wall_angle": normal,
+            "wall_force": wall_force,
             "energy": {
-                "translation": translation.tolist(),
-                "rotation": rotation.tolist(),
-                "kinetic": (translation + rotation).tolist(),
-                "gravity": (-((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)).tolist(),
+                "translation": translation,
+                "rotation": rotation,
+                "kinetic": translation + rotation,
+                "gravity": -((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1),
             },
         }
 

@@ -36,8 +36,6 @@ ROLLING = {
     "viscous": "DEMRollingFrictionModelViscousTorque",
 }
 
-VELOCITY = (Kratos.VELOCITY_X, Kratos.VELOCITY_Y, Kratos.ANGULAR_VELOCITY_Z)
-LOAD = (Kratos.EXTERNAL_APPLIED_FORCE_X, Kratos.EXTERNAL_APPLIED_FORCE_Y, Kratos.EXTERNAL_APPLIED_MOMENT_Z)
 NAME = "scene"
 HEAD = "Begin ModelPartData\nEnd ModelPartData\n\nBegin Properties 0\nEnd Properties\n\n"
 
@@ -59,6 +57,8 @@ class Run(SpringRun):
         self.along = [
             (middle - pose[0:2]) @ (-pose[3], pose[2]) for pose in self.path[0]
         ]  # middle of each edge, opposite the middle of the disks
+        self.shifts = np.array([[along - self.reach, along + self.reach] for along in self.along]).reshape(-1, 2)
+        self.ends = self._ends(0)
         self._build()
 
     def version(self):
@@ -74,7 +74,7 @@ class Run(SpringRun):
         kinds, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         files = {
             f"{NAME}DEM.mdpa": disks_file(self.x0, self.radius, kind.reshape(-1).tolist()),
-            f"{NAME}DEM_FEM_boundary.mdpa": walls_file([self._ends(0, w) for w in range(len(self.walls))]),
+            f"{NAME}DEM_FEM_boundary.mdpa": walls_file(self.ends.tolist()),
             "MaterialsDEM.json": materials(self, kinds[:, 0].tolist(), first.tolist()),
         }
         for name, text in files.items():
@@ -96,8 +96,8 @@ class Run(SpringRun):
             Dem.AuxiliaryUtilities().UpdateTimeInOneModelPart,
             self.solver.cplusplus_strategy,
         )
-        self.inert, self.unloaded = (self.mass.tolist(), self.inertia.tolist()), [(0.0, 0.0, 0.0)] * self.n
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
+        self.numbers, self.all_nodes = {node.Id: i for i, node in enumerate(self.nodes)}, Nodes(self.nodes)
         for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
             for pair in properties.GetSubProperties():
                 wall = (
@@ -108,26 +108,28 @@ class Run(SpringRun):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i] * self.inflate))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i] * self.inflate))
         faces = self.stage.rigid_face_model_part
-        self.wall_nodes = [
-            sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id) for w in range(len(self.walls))
-        ]
+        self.wall_nodes = Nodes(
+            node
+            for w in range(len(self.walls))
+            for node in sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id)
+        )
 
-    def _ends(self, row, w):
-        """End points of a wall's edge at a contact step; material points of the wall."""
-        px, py, nx, ny = self.path[row, w, 0:4]
-        point, along = np.array([px, py]), np.array([-ny, nx])
-        return [point + (self.along[w] + side * self.reach) * along for side in (-1.0, 1.0)]
+    def _ends(self, row):
+        """End points of the walls' edges at a contact step, shape (m, 2, 3); material points of the walls."""
+        pose = self.path[row]
+        ends = np.zeros((len(pose), 2, 3))
+        along = np.column_stack([-pose[:, 3], pose[:, 2]])
+        ends[:, :, :2] = pose[:, None, 0:2] + self.shifts[:, :, None] * along[:, None]
+        return ends
 
     def _place_walls(self, step):
-        if step > len(self.path):
+        if step > len(self.path) or not self.walls:
             return  # at rest, and known to Kratos as such
-        row, before = min(step, len(self.path) - 1), min(max(step - 1, 0), len(self.path) - 1)
-        for w, nodes in enumerate(self.wall_nodes):
-            for node, new, old in zip(nodes, self._ends(row, w), self._ends(before, w), strict=True):
-                node.X, node.Y = float(new[0]), float(new[1])
-                displacement = new - old
-                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(displacement))
-                node.SetSolutionStepValue(Kratos.VELOCITY, vector(displacement / self.dt))
+        before, self.ends = self.ends, self._ends(min(step, len(self.path) - 1))
+        displacement = self.ends - before
+        self.wall_nodes.move(self.ends)
+        self.wall_nodes.write(Dem.DELTA_DISPLACEMENT, displacement)
+        self.wall_nodes.write(Kratos.VELOCITY, displacement / self.dt)
 
     def start(self):
         """Initial velocities."""
@@ -137,7 +139,7 @@ class Run(SpringRun):
 
     def read(self, variable):
         """A vector variable of all disks, shape (n, 3)."""
-        return np.array([list(node.GetSolutionStepValue(variable)) for node in self.nodes])
+        return self.all_nodes.read(variable)
 
     def advance(self, sampled):
         """All steps; returns the seconds that are not spent on samples, see `clock`."""
@@ -166,13 +168,14 @@ class Run(SpringRun):
         self.strategy.ResetPrescribedMotionFlagsRespectingImposedDofs()
         self.strategy.InitializeSolutionStep()
         if (self.xi and step) or self.forces_on:
-            load, xi = self.loads_at(step).tolist() if self.forces_on else self.unloaded, self.xi if step else 0.0
-            for node, mass, inertia, (fx, fy, torque) in zip(self.nodes, *self.inert, load, strict=True):
-                # By components, which takes a tenth of the time of lists.
-                vx, vy, spin = (node.GetSolutionStepValue(name) for name in VELOCITY)
-                drag, moment = -xi * mass, -xi * inertia
-                for name, value in zip(LOAD, (drag * vx + fx, drag * vy + fy, moment * spin + torque), strict=True):
-                    node.SetSolutionStepValue(name, value)
+            xi, force, moment = self.xi if step else 0.0, np.zeros((self.n, 3)), np.zeros((self.n, 3))
+            force[:, :2] = (-xi * self.mass)[:, None] * self.read(Kratos.VELOCITY)[:, :2]
+            moment[:, 2] = (-xi * self.inertia) * self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
+            load = self.loads_at(step) if self.forces_on else np.zeros(3)
+            force[:, :2] += load[..., :2]
+            moment[:, 2] += load[..., 2]
+            self.all_nodes.write(Kratos.EXTERNAL_APPLIED_FORCE, force)
+            self.all_nodes.write(Kratos.EXTERNAL_APPLIED_MOMENT, moment)
         self.strategy.SolveSolutionStep()
         self.strategy.FinalizeSolutionStep()
 
@@ -193,7 +196,7 @@ class Run(SpringRun):
 
     def state(self):
         """Positions [m], velocities [m/s], spins [rad/s] and angles [rad] that Kratos holds."""
-        x = np.array([(node.X, node.Y) for node in self.nodes])
+        x = self.all_nodes.places()[:, :2]
         v, omega = self.read(Kratos.VELOCITY)[:, :2], self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
         return x, v, omega, self.read(Dem.PARTICLE_ROTATION_ANGLE)[:, 2]
 
@@ -212,15 +215,16 @@ class Run(SpringRun):
     def _disk_contacts(self, x):
         """Touching pairs of disks: ``{(i, j): (fn, fs, overlap)}``, forces as Kratos keeps them."""
         self.solver.PrepareContactElementsForPrinting()
-        number, found = {node.Id: i for i, node in enumerate(self.nodes)}, {}
+        found = {}
         for element in self.stage.contact_model_part.Elements:
-            one, two = (number[node.Id] for node in element.GetNodes())
+            one, two = (self.numbers[node.Id] for node in element.GetNodes())
             i, j = min(one, two), max(one, two)
             d = x[j] - x[i]
             distance = float(np.hypot(*d))
             overlap = float(self.radius[i] + self.radius[j] - distance)
             if overlap > 0.0:
-                force = np.array(list(element.GetValue(Dem.GLOBAL_CONTACT_FORCE))[:2])
+                force = element.GetValue(Dem.GLOBAL_CONTACT_FORCE)
+                force = np.array((force[0], force[1]))  # by component, as iterating one is slow
                 if one > two:
                     force = -force
                 normal = d / distance
@@ -235,9 +239,13 @@ class Run(SpringRun):
         """
         found = {}
         total = -self.read(Dem.RIGID_ELEMENT_FORCE)[:, :2]  # on the disks
-        for i in range(self.n):
+        away = x[:, None] - pose[None, :, 0:2]
+        near = (away * pose[None, :, 2:4]).sum(axis=2) < 1.01 * self.radius[
+            :, None
+        ]  # which of them touch is seen below
+        for i in np.flatnonzero(near.any(axis=1)).tolist():
             touching = []
-            for w in range(len(self.walls)):
+            for w in np.flatnonzero(near[i]).tolist():
                 normal = pose[w, 2:4]
                 overlap = float(self.radius[i] - (x[i] - pose[w, 0:2]) @ normal)
                 if overlap > 0.0:
@@ -261,6 +269,29 @@ class Run(SpringRun):
             for w, fn, overlap, _ in touching:
                 found[i, self.n + w] = (fn, float(shear.get(w, 0.0)), overlap)
         return found
+
+
+class Nodes:
+    """Values of nodes, all at once: one by one each takes Kratos microseconds to find out of which kind it is."""
+
+    def __init__(self, nodes):
+        self.array, self.all = Kratos.NodesArray(), Kratos.VariableUtils()
+        for node in nodes:  # by their numbers, in which order Kratos keeps them
+            self.array.append(node)
+
+    def read(self, variable):
+        """A vector variable, shape (nodes, 3)."""
+        return np.array(self.all.GetSolutionStepValuesVector(self.array, variable, 0, 3)).reshape(-1, 3)
+
+    def write(self, variable, values):
+        self.all.SetSolutionStepValuesVector(self.array, variable, Kratos.Vector(values.ravel()), 0)
+
+    def places(self):
+        """Positions [m], shape (nodes, 3)."""
+        return np.array(self.all.GetCurrentPositionsVector(self.array, 3)).reshape(-1, 3)
+
+    def move(self, places):
+        self.all.SetCurrentPositionsVector(self.array, Kratos.Vector(places.ravel()))
 
 
 def vector(values):

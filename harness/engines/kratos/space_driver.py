@@ -13,7 +13,7 @@ from importlib import metadata
 
 import KratosMultiphysics as Kratos
 import numpy as np
-from driver import HEAD, LAW, NAME, SEARCH, block, contact, parameters
+from driver import HEAD, LAW, NAME, SEARCH, Nodes, block, contact, parameters
 from driver_parts import clock, number
 from KratosMultiphysics import DEMApplication as Dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
@@ -69,10 +69,13 @@ class Run(SpaceRun):
             self.solver.cplusplus_strategy,
         )
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
+        self.numbers, self.all_nodes = {node.Id: i for i, node in enumerate(self.nodes)}, Nodes(self.nodes)
         faces = self.stage.rigid_face_model_part
-        self.wall_nodes = [
-            sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id) for w in range(len(self.walls))
-        ]
+        self.wall_nodes = Nodes(
+            node
+            for w in range(len(self.walls))
+            for node in sorted(faces.GetSubModelPart(f"wall{w}").Nodes, key=lambda node: node.Id)
+        )
         # Hertz' dashpot here is 2 gamma sqrt(m S), with the tangent stiffness S.
         share = math.sqrt(5.0 / 6.0) if self.elastic else 1.0
         for properties in self.part.Properties:
@@ -94,19 +97,20 @@ class Run(SpaceRun):
 
     def _place_walls(self, step):
         """Put the triangles, material points of planes, where these are at a contact step, with what they moved by in it."""
-        if step > len(self.path):
+        if step > len(self.path) or not self.walls:
             return  # at rest, and known to Kratos as such
         here, there = self.pose(max(step - 1, 0)), self.pose(step)
-        for w, nodes in enumerate(self.wall_nodes):
+        displacement, velocity = np.zeros((2, len(self.corners), 3, 3))
+        for w, corners in enumerate(self.corners):
             turned = rotation(here[w, 3:6], there[w, 3:6], self.dt * there[w, 9:12])
-            for k, node in enumerate(nodes):
-                new = there[w, 0:3] + turned @ (self.corners[w][k] - here[w, 0:3])
-                displacement = new - self.corners[w][k]
-                velocity = there[w, 6:9] + np.cross(there[w, 9:12], new - there[w, 0:3])
-                self.corners[w][k] = new
-                node.X, node.Y, node.Z = (float(c) for c in new)
-                node.SetSolutionStepValue(Dem.DELTA_DISPLACEMENT, vector(displacement))
-                node.SetSolutionStepValue(Kratos.VELOCITY, vector(velocity))
+            for k, corner in enumerate(corners):
+                new = there[w, 0:3] + turned @ (corner - here[w, 0:3])
+                displacement[w, k] = new - corner
+                velocity[w, k] = there[w, 6:9] + np.cross(there[w, 9:12], new - there[w, 0:3])
+                corners[k] = new
+        self.wall_nodes.move(np.array(self.corners))
+        self.wall_nodes.write(Dem.DELTA_DISPLACEMENT, displacement)
+        self.wall_nodes.write(Kratos.VELOCITY, velocity)
 
     def start(self):
         """Initial velocities."""
@@ -117,7 +121,7 @@ class Run(SpaceRun):
 
     def read(self, variable):
         """A vector variable of all spheres, shape (n, 3)."""
-        return np.array([list(node.GetSolutionStepValue(variable)) for node in self.nodes])
+        return self.all_nodes.read(variable)
 
     def advance(self, sampled):
         """All steps; returns the seconds that are not spent on samples, see `clock`."""
@@ -163,8 +167,7 @@ class Run(SpaceRun):
 
     def state(self):
         """Positions [m], velocities [m/s] and spins [rad/s] that Kratos holds."""
-        x = np.array([(node.X, node.Y, node.Z) for node in self.nodes])
-        return x, self.read(Kratos.VELOCITY), self.read(Kratos.ANGULAR_VELOCITY)
+        return self.all_nodes.places(), self.read(Kratos.VELOCITY), self.read(Kratos.ANGULAR_VELOCITY)
 
     def _sample(self, step, x, v, omega):
         """State at ``t_n``: positions and angles before the step, mean velocities, the forces that the step has computed."""
@@ -201,14 +204,15 @@ class Run(SpaceRun):
     def _pairs(self, x):
         """Touching pairs of spheres: ``{(i, j): (fn, fs)}``, forces as Kratos keeps them."""
         self.solver.PrepareContactElementsForPrinting()
-        number_of, found = {node.Id: i for i, node in enumerate(self.nodes)}, {}
+        found = {}
         for element in self.stage.contact_model_part.Elements:
-            one, two = (number_of[node.Id] for node in element.GetNodes())
+            one, two = (self.numbers[node.Id] for node in element.GetNodes())
             i, j = min(one, two), max(one, two)
             d = x[j] - x[i]
             distance = float(np.linalg.norm(d))
             if distance < self.radius[i] + self.radius[j]:
-                force = np.array(list(element.GetValue(Dem.GLOBAL_CONTACT_FORCE)))
+                force = element.GetValue(Dem.GLOBAL_CONTACT_FORCE)
+                force = np.array((force[0], force[1], force[2]))
                 force = -force if one > two else force
                 normal = d / distance
                 fn = float(-force @ normal)

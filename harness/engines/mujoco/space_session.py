@@ -73,19 +73,25 @@ class MuJoCoSpaceSession(MuJoCoSession):
 
     def advance(self, n_steps: int) -> None:
         """Step the model; impulses are summed over the substeps of the last step only."""
+        model, data, step, h = self.model, self.data, mujoco.mj_step, self.h
+        place, velocity, upright = data.qpos, data.qvel, np.tile(_UPRIGHT, (len(self.turning), 1))
+        angle, turn = self.angle[self.turning], np.empty((len(self.turning), 3))
         for remaining in range(n_steps, 0, -1):
             self._prescribe()
             self.impulses.clear()
             for _ in range(self.substeps):
-                mujoco.mj_step(self.model, self.data)
+                step(model, data)
                 for dofs, rotation in self.turned:  # the velocity of a point off the axis turns within the step
-                    self.data.qvel[dofs] = rotation @ self.data.qvel[dofs]
+                    velocity[dofs] = rotation @ velocity[dofs]
                 if self.turning:
-                    self.angle[self.turning] += self.h * self.data.qvel[self.spins]
-                    self.data.qpos[self.quaternions] = _UPRIGHT
+                    velocity.take(self.spins, out=turn, mode="clip")
+                    turn *= h
+                    angle += turn
+                    place[self.quaternions] = upright
                 if remaining == 1:
                     self._add_impulses()
             self.done += 1
+        self.angle[self.turning] = angle
 
     def _prescribe(self) -> None:
         """Put moving planes and spheres where they are, with the velocities of the coming step."""
@@ -123,7 +129,7 @@ class MuJoCoSpaceSession(MuJoCoSession):
         self._check_warnings()
         pose = self.poses(self.done * self.dt)
         write_driven(self.scene, history, row, self.done * self.dt)
-        write_contacts(self.scene, history, row, pose, self.impulses if self.done else None, self.dt)
+        write_contacts(self.scene, history, row, pose, self.summed(), self.dt)
 
     def still(self) -> list[bool]:
         """Which bodies and walls no contact can move."""

@@ -48,13 +48,12 @@ from yade import (
     MatchMaker,
     NewtonIntegrator,
     O,
-    PyRunner,
     Vector3,
     ViscElMat,
     ViscElPhys,
 )
 from yade.utils import sphere
-from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALLS_APART, Law, WallBox
+from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALLS_APART, Law, Stepper, WallBox
 
 SMALL_SCENE = 200  # bodies up to which the collider runs at every step: it costs nothing there
 HALF_PLANE = 1e6  # half-length of a wall's box in units of the scene's size: only its face counts
@@ -67,8 +66,6 @@ class Run(SpringRun):
 
     def __init__(self, request):
         O.reset()  # what a run before has left in this process
-        global RUN
-        RUN = self  # for what YADE calls between its engines
         super().__init__(request)
         self.disks = request["scene"]["disks"]
         self.m = len(self.walls)
@@ -148,15 +145,13 @@ class Run(SpringRun):
         collider = InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Box_Aabb()], avoidSelfInteractionMask=WALLS_APART)
         if self.n + self.m <= SMALL_SCENE:
             collider.verletDist = 0.0
-        physics_of_pairs = [PyRunner(command="RUN.give_physics()", iterPeriod=1, initRun=True)]
-        O.engines = [
-            self.newton,
-            ForceResetter(),
+        self.stepper = Stepper(
+            [self.newton, ForceResetter()],
             collider,
-            *(physics_of_pairs if self.sprung or self.viscous else []),
             loop,
-            *([PyRunner(command="RUN.apply_loads()", iterPeriod=1, initRun=True)] if self.forces_on else []),
-        ]
+            self.give_physics if self.sprung or self.viscous else None,
+            self.apply_loads if self.forces_on else None,
+        )
         O.dt = self.dt
 
     def give_physics(self):
@@ -196,7 +191,7 @@ class Run(SpringRun):
 
     def apply_loads(self):
         """Forces and torques of the scene, in a step that has forgotten the last one's."""
-        for i, (fx, fy, torque) in enumerate(self.loads_at(self.now)):
+        for i, (fx, fy, torque) in enumerate(self.loads_at(self.now).tolist()):
             O.forces.addF(self.ids[i], Vector3(fx, fy, 0.0))
             O.forces.addT(self.ids[i], Vector3(0.0, 0.0, torque))
 
@@ -209,10 +204,10 @@ class Run(SpringRun):
         v0, w0 = self.v0, self.omega0
         for i, state in enumerate(self.states):
             state.vel, state.angVel = Vector3(*v0[i], 0.0), Vector3(0.0, 0.0, w0[i])
-        O.step()
+        self.stepper.step()
         for i, j, fs in self.preload:
             self._set_shear(i, j, fs)
-        O.step()  # bodies do not move yet: the same contacts again, now with the preload in their forces
+        self.stepper.step()  # bodies do not move yet: the same contacts again, now with the preload in their forces
         self.newton.mask, O.dt = INTEGRATED, self.dt
         self._sample(0, v0, w0)
         for i, state in enumerate(self.states):
@@ -253,7 +248,7 @@ class Run(SpringRun):
         """All steps; returns the seconds spent on them, sampling apart, see `clock`."""
         wanted = {step * self.substeps for step in sampled}
         last, rest = max(wanted), len(self.path) - 1
-        states, decay, step_once = self.states, self.decay, O.step
+        states, decay, step_once = self.states, self.decay, self.stepper.step
         turning = [states[i] for i in range(self.n) if self.disks["rotating"][i]]
         spent = 0.0
         begin = clock()
@@ -335,13 +330,11 @@ def remove_temporary_folder():
 
 
 def make(request):
-    """The run; YADE calls it ``RUN`` between its engines."""
-    global RUN
+    """The run."""
     if request["scene"].get("dimension") == 3:
         import space_driver
 
-        RUN = space_driver.Run(request)
-        return RUN
+        return space_driver.Run(request)
     return Run(request)
 
 

@@ -30,13 +30,12 @@ from yade import (
     MindlinPhys,
     NewtonIntegrator,
     O,
-    PyRunner,
     Vector3,
     ViscElPhys,
 )
 from yade.minieigenHP import Quaternion
 from yade.utils import box, sphere
-from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALL_MASK, WALLS_APART
+from yade_parts import DISK_MASK, INTEGRATED, NOBODY, WALL_MASK, WALLS_APART, Stepper
 
 SMALL_SCENE = 200  # bodies up to which the collider runs at every step: it costs nothing there
 HALF_PLANE = 1e6  # half-length of a wall's box in units of the scene's size: only its face counts
@@ -100,13 +99,8 @@ class Run(SpaceRun):
         collider = InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Box_Aabb()], avoidSelfInteractionMask=WALLS_APART)
         if self.n + self.m <= SMALL_SCENE:
             collider.verletDist = 0.0
-        O.engines = [
-            self.newton,
-            ForceResetter(),
-            collider,
-            PyRunner(command="RUN.give_physics()", iterPeriod=1, initRun=True),
-            InteractionLoop(geometry, [Ip2_FrictMat_FrictMat_FrictPhys()], self.contact_laws),
-        ]
+        loop = InteractionLoop(geometry, [Ip2_FrictMat_FrictMat_FrictPhys()], self.contact_laws)
+        self.stepper = Stepper([self.newton, ForceResetter()], collider, loop, self.give_physics)
         O.dt = self.dt
 
     def give_physics(self):
@@ -160,7 +154,7 @@ class Run(SpaceRun):
         O.dt = NO_TIME * self.dt
         for i, state in enumerate(self.states):
             state.vel, state.angVel = Vector3(*self.v0[i]), Vector3(*self.omega0[i])
-        O.step()
+        self.stepper.step()
         self.newton.mask, O.dt = INTEGRATED, self.dt
         self.angle = np.zeros((self.n, 3))
         self._sample(0, self.v0, self.omega0)
@@ -174,21 +168,30 @@ class Run(SpaceRun):
     def advance(self, sampled):
         """All steps; returns the seconds spent on them, sampling apart, see `clock`."""
         wanted = {step * self.substeps for step in sampled}
-        rest, spent = len(self.path) - 1, 0.0
-        turning = [(i, self.states[i]) for i in np.flatnonzero(self.rotating | self.omega0.any(axis=1))]
+        rest, spent, dt, step_once = len(self.path) - 1, 0.0, self.dt, self.stepper.step
+        # Numbers, as rows of arrays take ten times as long.
+        turned = [
+            (i, self.states[i], [0.0, 0.0, 0.0])
+            for i in np.flatnonzero(self.rotating | self.omega0.any(axis=1)).tolist()
+        ]
+        begin = clock()
         for step in range(1, max(wanted) + 1):
-            begin = clock()
             if step <= rest:
                 for wall, row in zip(self.boxes, self.path[step], strict=True):
                     wall.place(row)
-            O.step()
-            spent += clock() - begin
-            for i, state in turning:
+            step_once()
+            for _, state, angle in turned:
                 spin = state.angVel
-                self.angle[i] += spin[0] * self.dt, spin[1] * self.dt, spin[2] * self.dt
+                angle[0] += spin[0] * dt
+                angle[1] += spin[1] * dt
+                angle[2] += spin[2] * dt
             if step in wanted:
+                spent += clock() - begin
+                for i, _, angle in turned:
+                    self.angle[i] = angle
                 self._sample(step // self.substeps)
-        return spent
+                begin = clock()
+        return spent + clock() - begin
 
     def _forces(self):
         """Forces [N] and torques [N m] on the spheres, shape (n, 3)."""
@@ -233,11 +236,15 @@ class Plane:
         body = box((0, 0, 0), extents.tolist(), fixed=True, material=O.materials[0])
         body.mask = WALL_MASK
         O.bodies.append(body)
-        self.state = body.state
+        self.state, self.placed = body.state, b""
         self.place(row)
 
     def place(self, row):
         """Put the face where a row of the path says, and give the box its velocity there."""
+        text = row.tobytes()
+        if text == self.placed:  # nothing else moves a plane
+            return
+        self.placed = text
         point, normal, velocity, spin = row.reshape(4, 3)
         along = self.middle - point
         centre = point + (along - (along @ normal) * normal) - self.depth * normal
