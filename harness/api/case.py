@@ -208,8 +208,8 @@ class Case(Protocol):
     results of the old and new definition must not be joined. A case may also have ``figures``, a tuple of `Figure`, which its
     report page shows before any other, ``claims``, a tuple of `ninedisk.harness.api.claims.Claim`, statements of its source
     that every engine confirms or contradicts, and a method ``headlines(params, setup, observed)`` that returns one to four `Headline`.
-    A fault that a check catches should move one of them; the mapping ``beside_headlines`` gives, by a pattern of quantities, the reason
-    why a fault that moves these alone need not (`ninedisk selftest` lists all others).
+    A fault that a check catches should move one of them; ``beside_headlines`` pairs patterns of quantities with the
+    reason why a fault that moves these alone need not (`ninedisk selftest` lists all others).
     """
 
     id: str

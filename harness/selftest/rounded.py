@@ -24,8 +24,8 @@ from ninedisk.core.spheres.scene import SphereScene
 from ninedisk.core.spheres.session import SphereSession
 from ninedisk.core.spheres.step_kernels import STEP
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Stopwatch, Support, timings_of
-from ninedisk.harness.api.support import without_spring_preload
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
+from ninedisk.harness.engines.cd.adapter import expressed
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.selftest.declared import DECLARED, Declared, as_rigid
 
@@ -60,9 +60,7 @@ class Rounded:
             elif self._kind == "dem":
                 session, run = DemSession(scene, numerics, watch), _run_disks
             else:
-                given = (
-                    as_rigid(scene, numerics) if self._kind in DECLARED else (without_spring_preload(scene), numerics)
-                )
+                given = as_rigid(scene, numerics) if self._kind in DECLARED else (expressed(scene, numerics), numerics)
                 session, run = CdSession(*given, watch), _run_rigid
         with stepping:
             history = in_single(run(session))

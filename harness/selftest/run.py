@@ -233,9 +233,9 @@ def looks_right(row: Mapping[str, Any]) -> list[str]:
 def unseen_quantities(case: str, checks: Sequence[str]) -> list[str]:
     """Quantities of a case's failed checks (`check_id`) of which it does not say why its headlines need not show them.
 
-    The case's attribute ``beside_headlines`` gives a reason for each pattern of names.
+    The case's attribute ``beside_headlines`` pairs patterns of names with reasons.
     """
-    patterns = getattr(get_case(case), "beside_headlines", {})
+    patterns = [pattern for pattern, _ in getattr(get_case(case), "beside_headlines", ())]
     quantities = {each.rpartition("] ")[2].partition(" (")[0] for each in checks if each.startswith(f"{case}[")}
     return sorted(name for name in quantities if not any(fnmatchcase(name, pattern) for pattern in patterns))
 

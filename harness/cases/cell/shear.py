@@ -52,9 +52,12 @@ class Shear:
     id = "cell/shear"
     version = 1
     title = "Simple shear in a periodic cell"
-    beside_headlines = {
-        "*": "a flow has no closed form: what edges of the cell do to momentum is known, stresses are held to identities"
-    }
+    beside_headlines = (
+        (
+            "*",
+            "a flow has no closed form: what edges of the cell do to momentum is known, stresses are held to identities",
+        ),
+    )
     source = (
         "balances of momentum, spin and energy; da Cruz, Emam, Prochnow, Roux & Chevoir, Phys. Rev. E 72 (2005) 021309"
     )

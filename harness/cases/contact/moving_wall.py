@@ -55,10 +55,10 @@ class MovingWall:
     id = "contact/moving-wall"
     version = 2
     title = "Disk at a moving wall"
-    beside_headlines = {
-        name: "loads, places of walls and energies are reported beside the motion, and move nothing"
+    beside_headlines = tuple(
+        (name, "loads, places of walls and energies are reported beside the motion, and move nothing")
         for name in ("load_*", "wall_place", "energy_*")
-    }
+    )
     source = "an impact seen from the wall; driven linear oscillator, Landau & Lifshitz, Mechanics, section 26"
     requirement = "a pushed disk leaves with 1 + e of the wall's speed; on a shaken floor the force is that of a driven oscillator"
     parameters: tuple[Parameter, ...] = (

@@ -47,9 +47,7 @@ class Reopening:
     id = "contact/reopening"
     version = 2
     title = "Rough contact that opens and closes again"
-    beside_headlines = {
-        "angle_*": "an angle that is reported moves nothing: spins are what disks turn by",
-    }
+    beside_headlines = (("angle_*", "an angle that is reported moves nothing: spins are what disks turn by"),)
     source = "Cundall & Strack, Geotechnique 29 (1979): a contact that opens loses its shear force"
     requirement = (
         "shear grows by ks times the slip from nothing whenever a contact closes; normal forces are half sines"

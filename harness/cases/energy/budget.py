@@ -51,9 +51,12 @@ class Budget:
     id = "energy/budget"
     version = 1
     title = "Energy budget of a squeezed heap"
-    beside_headlines = {
-        "*": "a heap has no closed form but its balance: a wrong law whose energies balance moves no number that is known"
-    }
+    beside_headlines = (
+        (
+            "*",
+            "a heap has no closed form but its balance: a wrong law whose energies balance moves no number that is known",
+        ),
+    )
     source = "balance of energy; no loss is ever negative"
     losses: tuple[str, ...] = LOSSES
     own: tuple[str, ...] = OWN

@@ -70,10 +70,10 @@ class BinaryCollision:
     id = "binary-collision"
     version = 1
     title = "Binary collision of two disks"
-    beside_headlines = {
-        name: "steps of the theta scheme that are not Newton's impact are held to themselves"
+    beside_headlines = tuple(
+        (name, "steps of the theta scheme that are not Newton's impact are held to themselves")
         for name in ("vx_*", "energy")
-    }
+    )
     source = "appendix A.2 of Lim's thesis, figures A.6-A.13"
     requirement = (
         "momentum always conserved; energy after an elastic impact; velocities (0, 1) elastic, (1/2, 1/2) plastic"

@@ -47,9 +47,9 @@ class HeldDisk:
     id = "impact/held-disk"
     version = 2
     title = "Impact on a disk whose motion is prescribed"
-    beside_headlines = {
-        "partner_*": "an engine may place the impact up to a step early or late: places after it have no one truth"
-    }
+    beside_headlines = (
+        ("partner_*", "an engine may place the impact up to a step early or late: places after it have no one truth"),
+    )
     source = "Newton's restitution along the line of centres, for a partner that takes any momentum"
     requirement = "the free disk loses 1 + e of its approach along the line of centres; the other one keeps its motion"
     parameters: tuple[Parameter, ...] = (

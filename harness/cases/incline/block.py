@@ -73,10 +73,10 @@ class InclineBlock:
     id = "incline-block"
     version = 1
     title = "Block on an incline"
-    beside_headlines = {
-        "vx*": "a speed that is reported half a step late moves no place; the distance is what speeds add up to",
-        "gap*": "the sign of an overlap that is reported moves nothing",
-    }
+    beside_headlines = (
+        ("vx*", "a speed that is reported half a step late moves no place; the distance is what speeds add up to"),
+        ("gap*", "the sign of an overlap that is reported moves nothing"),
+    )
     source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"
     requirement = "mu = 0.36 slides with a = g (sin - mu cos), mu = 0.4 stays; fn = m g cos; dilation shrinks with dt"
     figures = BLOCK_FIGURES

@@ -73,10 +73,10 @@ class Compression:
     id = "nine-disk/compression"
     version = 1
     title = "Nine disks, uniform compression"
-    beside_headlines = {
-        name: "with rough walls only the whole history has a converged limit"
+    beside_headlines = tuple(
+        (name, "with rough walls only the whole history has a converged limit")
         for name in ("fn_*", "row_sum_*", "symmetry_error")
-    }
+    )
     source = "appendix A.1.1, Table A.1, Figures A.2 and A.3"
     requirement = "Contact forces of the explicit scheme follow the exact recurrence and settle at kn v T/2."
     figures = COMPRESSION_FIGURES

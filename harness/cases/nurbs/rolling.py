@@ -91,10 +91,10 @@ class RollingGrain:
     id = "nurbs/rolling"
     version = 1
     title = "Angular grains on an incline"
-    beside_headlines = {
-        "load_*": "loads are held to the grain's own balance, at any motion",
-        "unbalance": "loads are held to the grain's own balance, at any motion",
-    }
+    beside_headlines = (
+        ("load_*", "loads are held to the grain's own balance, at any motion"),
+        ("unbalance", "loads are held to the grain's own balance, at any motion"),
+    )
     source = "rigid-body statics and dynamics, by the support function (references.analytic.on_plane.rolling_grain)"
     requirement = (
         "a regular polygon of m faces rests up to tan(angle) = (1 - roundness) tan(pi/m) and rolls beyond, an ellipse at "

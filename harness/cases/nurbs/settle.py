@@ -100,12 +100,15 @@ class Settle:
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
-        """Statics: the plane bears the weight, and the grain stays where it is."""
+        """Statics: the plane bears the weight, and the grain stays where it is, on a level plane with both feet on it."""
         weight, slope = float(setup.scene.disks.mass[0]) * G, params["slope"]
         return (
             Headline(name="force at rest", use="rest", quantity="fn_final", expected=weight * math.cos(slope),
                      source="balance of forces", scale=weight, scale_is="weight"),
             Headline(name="creep at rest", use="rest", quantity="way_settled", expected=0.0, source="rest: no creep, no rolling",
+                     scale=float(setup.scene.disks.radius[0]), scale_is="radius of the grain"),
+            Headline(name="height at rest", use="rest", quantity="y_final", source="lowest points on the plane",
+                     expected=-lowest(setup.scene.outlines[0], 0.0)[1] if slope == 0.0 else math.nan,
                      scale=float(setup.scene.disks.radius[0]), scale_is="radius of the grain"),
         )  # fmt: skip
 

@@ -40,9 +40,12 @@ class SphereBudget(Budget):
 
     id = "spheres/budget"
     title = "Energy budget of squeezed spheres"
-    beside_headlines = {
-        "*": "a heap has no closed form but its balance: a wrong law whose energies balance moves no number that is known"
-    }
+    beside_headlines = (
+        (
+            "*",
+            "a heap has no closed form but its balance: a wrong law whose energies balance moves no number that is known",
+        ),
+    )
     parameters: tuple[Parameter, ...] = (
         Parameter(
             name="contacts", default="hertz", choices=("hertz", "linear"), in_id=True,

@@ -556,9 +556,7 @@ class Unequal:
     id = "spheres/unequal"
     version = 1
     title = "Spheres of which none is like another"
-    beside_headlines = {
-        "angle_*": "an angle that is reported moves nothing: spins are what spheres turn by",
-    }
+    beside_headlines = (("angle_*", "an angle that is reported moves nothing: spins are what spheres turn by"),)
     source = "Newton and Euler; Coulomb; Hertz and Mindlin"
     requirement = (
         "each body has its own mass, radius, inertia and weight, each contact its own law, each plane its own motion"

@@ -55,9 +55,7 @@ class Stack:
     id = "static/stack"
     version = 1
     title = "Stack of disks at rest"
-    beside_headlines = {
-        "base": "the load that a floor reports is shown by the forces of its contacts",
-    }
+    beside_headlines = (("base", "the load that a floor reports is shown by the forces of its contacts"),)
     source = "statics: equilibrium of forces"
     requirement = (
         "every contact of a column bears the weight above it; a disk on two others presses the walls apart by "
