@@ -115,7 +115,7 @@ class Holding:
                 steady = SPEED * history.t[:, None, None] * np.array([params["kind"] == "row", 0.0])
                 series["moved"] = ("m", np.abs(moved - steady).max(axis=(1, 2)))
         if params["kind"] == "pyramid":
-            with np.errstate(invalid="ignore"):  # 0/0 at time 0
+            with np.errstate(divide="ignore", invalid="ignore"):  # 0/0 at time 0, or a rounded place over it
                 series["sunk"] = ("-", -moved[:, :, 1].mean(axis=1) / (0.5 * GRAVITY * history.t**2))
         last = {name: values[-1] for name, (_, values) in series.items()}
         name = "slid" if params["kind"] == "cohesion" else "moved"
