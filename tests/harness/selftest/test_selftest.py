@@ -172,7 +172,7 @@ def test_lies_are_told_under_both_declarations_and_a_refused_report_is_caught() 
         f"{engine}/{name}" for engine in DECLARED for name in ("unchanged", "no-time", "mass-more", "velocities-late")
     }
     assert all(fine(row) for row in rows.values())
-    assert all("timings.advance = 0 s for 2514 steps" in rows[f"{engine}/no-time"]["errors"][0] for engine in DECLARED)
+    assert all("timings.advance = 0 s for" in rows[f"{engine}/no-time"]["errors"][0] for engine in DECLARED)
 
 
 def test_as_many_lies_under_each_declaration() -> None:
