@@ -129,7 +129,9 @@ def roundings(
     """Errors by kind of quantity, from the scene and from the largest truths of each unit."""
     scene, numerics = setup.scene, setup.numerics
     bodies = scene.bodies
-    own = numerics.contact_dt if engine.contact == "spring" and numerics.contact_dt else numerics.dt
+    # Contact dynamics takes contact steps where all its contacts are elastic.
+    elastic = engine.contact == "spring" or not any(getattr(law, "regularised", False) for law in scene.laws_in_use)
+    own = numerics.contact_dt if elastic and numerics.contact_dt else numerics.dt
     duration = numerics.dt * numerics.n_steps
     known = {unit: max(map(_largest, held), default=0.0) for unit, held in _by_unit(checks, units).items()}
     radius, mass, count = float(bodies.radius.min()), float(bodies.mass.max()), len(bodies)

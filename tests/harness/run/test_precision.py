@@ -48,6 +48,10 @@ QUICK: tuple[tuple[str, str, Mapping[str, Any]], ...] = (
     ("dem", "nurbs/overlap", {"shape": "disk"}),
     ("cd", "nurbs/overlap", {"shape": "ellipse"}),
     ("impulse", "nurbs/settle", {"slope": 0.0}),
+    ("cd", "contact/orbit", {"arm": "radius"}),
+    ("cd", "contact/holding", {"kind": "row"}),
+    ("impulse", "contact/holding", {"kind": "adhesion"}),
+    ("cd", "energy/budget", {"contacts": "rigid"}),
 )
 
 
