@@ -155,7 +155,7 @@ def overlap_of_impact_stays(engine: str, versions: str) -> Finding:
         ),
         size=Size(
             case="impact/bouncing-disk",
-            variant="restitution=0",
+            variant="restitution=0,dt=0.002",
             column="abs_error",
             quantity="gap_final",
             per="gap",
