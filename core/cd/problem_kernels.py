@@ -30,6 +30,9 @@ SUMMED = 0.25
 """Of the velocity that a contact's own forces give its bodies, what counts in the round-off of theirs: it is a sum of such velocities, far
 larger than itself where light bodies bear heavy ones."""
 
+EXPLAINED = 1e-8
+"""Largest figure that round-off may explain: contacts with bodies of 1 and of 1e6 need 1e-9."""
+
 UNRESOLVED = 1e-3
 """Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
 
@@ -304,6 +307,9 @@ def figures_of(sums: Floats, n_contacts: int, resolution: float, figures: Floats
     noise_v = (EPSILON * EPSILON) * sums[KINETIC]
     floor_map = ROUND_OFF * sqrt(sums[NOISE_MAP])
     floor_gap = ROUND_OFF * (sums[NOISE_WORK] + largest * sums[NOISE] + 0.5 * noise_v)
+    # Forces of a contradiction grow without end, and their round-off with them: it explains no more than this part.
+    floor_map = min(floor_map, EXPLAINED * force)
+    floor_gap = min(floor_gap, EXPLAINED * energy)
     unsure = resolution * sqrt(sums[RHO])
     if unsure > UNRESOLVED * force:
         floor_map += unsure

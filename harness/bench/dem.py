@@ -393,8 +393,9 @@ def runner(peer: Peer, engine: Engine, problem: DemProblem, threads: int) -> Cal
 
 
 def _command(peer: Peer, engine: Engine, threads: int) -> list[str]:
-    """The engine's command without its script, with this number of threads."""
-    words = list(engine.command()[:-1])  # type: ignore[attr-defined]
+    """The engine's command up to its driver, with this number of threads."""
+    words = list(engine.command())  # type: ignore[attr-defined]
+    del words[words.index(str(engine.copied)) :]  # type: ignore[attr-defined]
     if threads > 1:
         words[words.index(peer.threads_by.format(1))] = peer.threads_by.format(threads)
     return words
