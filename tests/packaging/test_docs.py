@@ -198,7 +198,7 @@ def test_a_folder_without_guides_is_refused(folder: str, tmp_path: Path) -> None
     assert "holds no Markdown file" in output
 
 
-@pytest.mark.parametrize("name", ["docs/architecture.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize("name", ["docs/explanation/architecture.md", "CONTRIBUTING.md"])
 def test_guides_name_files_that_are_there(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     named = re.findall(r"`((?:core|references|harness|reports|tests|tools|docs)/[\w./-]+)`", text)
