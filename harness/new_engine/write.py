@@ -59,7 +59,7 @@ def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     if language not in LANGUAGES:
         raise UsageError(
             f"--language {language!r} is not allowed: use {', '.join(LANGUAGES)}, or leave it out for a package that is imported; "
-            f"in any other language the protocol is the same: docs/tutorials/your-own-engine.md"
+            f"in any other language the protocol is the same: docs/reference/wire-protocol.md"
         )
     file = LANGUAGES[language][0]
     return {
