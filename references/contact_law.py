@@ -231,7 +231,7 @@ def planar_bodies(
     compliance: FloatArray,
     shear_0: FloatArray,
 ) -> Planar:
-    """Matrices of rigid bodies in the plane with elastic contacts, fields and signs as docs/notation.md has them.
+    """Matrices of rigid bodies in the plane with elastic contacts, fields and signs as docs/reference/notation.md has them.
 
     A contact opens with ``(v_j - v_i) . n`` and slides with ``(v_i - v_j) . t``, t being n turned counter-clockwise. Unknowns with an
     infinite mass are left out, at rest. A compliance is an unknown s of its own, with the mass 1/C: ``s/C = r`` adds ``C r`` to u.

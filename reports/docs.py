@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,8 @@ from ninedisk.reports.pages import HERE
 from ninedisk.reports.panel.text import Slugs
 
 MARKER = ".ninedisk-docs"
+KINDS = {"tutorials": "Tutorials", "how-to": "How-to guides", "reference": "Reference", "explanation": "Explanation"}
+"""Headings of the index for folders of guides, in this order; any other folder has its own name, and comes last."""
 
 
 def write_docs(
@@ -30,21 +34,30 @@ def write_docs(
     record : sequence of mapping
         Cases, as `ninedisk docs` gathers them.
     guides : sequence of (str, str)
-        Names and texts of Markdown files.
+        Paths (with ``/``, from the folder of the guides) and texts of Markdown files.
     out : Path
         Folder, replaced as a whole.
     beside : Path, optional
-        Folder of the guides: files in it that they link to come along.
+        Folder of the guides: files in it that they link to or show are copied to the pages.
 
     Raises
     ------
     ReportError
         If the folder holds foreign files or cannot be written, or a guide links to a page that is not there.
     """
-    env, slug = pages.environment(), Slugs()
+    env, slug, folders = pages.environment(), Slugs(), Slugs()
     env.filters["numeral"] = numeral
-    names = {name: f"{slug(Path(name).stem)}.html" for name, _ in guides}
-    listed = [(names[name], _heading(name, text)) for name, text in guides]
+    slug("/index")  # these two names are taken
+    folders("/cases")
+    names = {name: _page_name(name, folders, slug) for name, _ in guides}
+    listed: dict[str, list[tuple[str, str]]] = {}
+    for name, text in guides:
+        listed.setdefault(posixpath.dirname(name), []).append((names[name], _heading(name, text)))
+    order = ["", *KINDS]
+    groups = [
+        (KINDS.get(kind, kind or "Guides"), listed[kind])
+        for kind in sorted(listed, key=lambda kind: (order.index(kind) if kind in order else len(order), kind))
+    ]
     cases = [(f"cases/{slug(case['id'])}.html", case) for case in record]
     with fresh_folder(out, MARKER, "documentation") as folder:
         (folder / "cases").mkdir()
@@ -58,10 +71,12 @@ def write_docs(
             )
             (folder / path).write_text(page, encoding="utf-8")
         for name, text in guides:
-            body = Markup(_rendered(name, text, partial(_page_of, names=names, beside=beside, folder=folder)))
-            page = env.get_template("docs/guide.html").render(root="./", title=_heading(name, text), body=body)
+            body = Markup(_rendered(name, text, partial(_page_of, name, names=names, beside=beside, folder=folder)))
+            root = "../" * names[name].count("/") or "./"
+            page = env.get_template("docs/guide.html").render(root=root, title=_heading(name, text), body=body)
+            (folder / names[name]).parent.mkdir(parents=True, exist_ok=True)
             (folder / names[name]).write_text(page, encoding="utf-8")
-        page = env.get_template("docs/index.html").render(root="", cases=cases, guides=listed)
+        page = env.get_template("docs/index.html").render(root="", cases=cases, guides=groups)
         (folder / "index.html").write_text(page, encoding="utf-8")
     return Path(out) / "index.html"
 
@@ -83,32 +98,48 @@ def _heading(name: str, text: str) -> str:
     return found[1].strip() if found else Path(name).stem
 
 
-def _page_of(target: str, names: Mapping[str, str], beside: Path | None, folder: Path) -> str | None:
+def _page_name(name: str, folders: Slugs, slug: Slugs) -> str:
+    """Page of a guide, in a folder as the guide is; no two guides share one."""
+    return "/".join([*map(folders, Path(name).parent.parts), f"{slug(Path(name).stem)}.html"])
+
+
+def _page_of(name: str, target: str, names: Mapping[str, str], beside: Path | None, folder: Path) -> str | None:
     """Where a guide's link leads among the pages: to another guide, or to a copy of a file; None: nowhere."""
-    if target in names:
-        return names[target]
-    source = None if beside is None else (beside / target).resolve()
-    if source is None or not source.is_file() or not source.is_relative_to(Path(str(beside)).resolve()):
-        return None
-    (folder / target).parent.mkdir(parents=True, exist_ok=True)
-    shutil.copy(source, folder / target)
-    return target
+    path = posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
+    found = names.get(path)
+    if found is None:
+        source = None if beside is None else (beside / path).resolve()
+        if source is None or not source.is_file() or not source.is_relative_to(Path(str(beside)).resolve()):
+            return None
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(source, folder / path)
+        found = path
+    return posixpath.relpath(found, posixpath.dirname(names[name]) or ".")
+
+
+LINKS = {"link_open": "href", "image": "src"}
+"""Tokens of Markdown that lead to another file, and the attribute that says where."""
 
 
 def _rendered(name: str, text: str, page_of: Callable[[str], str | None]) -> str:
-    """Markdown as HTML; raw HTML in it is shown as text, and relative links lead to where ``page_of`` says."""
+    """Markdown as HTML; raw HTML in it is shown as text, and relative links lead to where ``page_of`` says.
+
+    Headings get the ids that code hosts give them, so that a link into a page works in both places.
+    """
     from markdown_it import MarkdownIt
 
     tokens = (parser := MarkdownIt("commonmark", {"html": False}).enable("table")).parse(text)
+    for opening, heading in pairwise(tokens):
+        if opening.type == "heading_open":
+            opening.attrSet("id", re.sub(r"[^\w -]", "", heading.content.lower()).replace(" ", "-"))
     for block in tokens:
         for token in block.children or ():
-            target = token.attrGet("href") if token.type == "link_open" else None
+            attribute = LINKS.get(token.type, "")
+            target = token.attrGet(attribute) if attribute else None
             if not isinstance(target, str) or "://" in target or target.startswith("#"):
                 continue
             page, hash_, place = target.partition("#")
             if (found := page_of(page)) is None:
-                raise ReportError(
-                    f"the guide {name!r} links to {target!r}, which is no guide or file of the same folder"
-                )
-            token.attrSet("href", found + hash_ + place)
+                raise ReportError(f"the guide {name!r} links to {target!r}, which is no guide or file of its folder")
+            token.attrSet(attribute, found + hash_ + place)
     return str(parser.renderer.render(tokens, parser.options, {}))

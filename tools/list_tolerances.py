@@ -1,4 +1,4 @@
-"""List every check whose tolerance exceeds 2 % of the effect that it is about, with the reason: ``docs/tolerances.md``.
+"""List every check whose tolerance exceeds 2 % of the effect that it is about, with the reason: ``docs/reference/tolerances.md``.
 
     python tools/list_tolerances.py [STORE ...]
 
@@ -30,7 +30,7 @@ ENGINES = ("dem", "cd", "pymunk")
 LEAST = 0.02
 """Share of the effect from which a tolerance is listed."""
 
-PAGE = Path(__file__).parents[1] / "docs" / "tolerances.md"
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "tolerances.md"
 
 HEAD = f"""# Wide tolerances
 

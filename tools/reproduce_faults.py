@@ -276,9 +276,9 @@ def _silent_laws() -> Answer:
     ), f"mu without ks: {smooth or 'silent'}; restitution: {plastic or 'silently plastic'}"
 
 
-@fault("D8", "docs/convergence.md: the sphere leaves at 67.8 degrees (closed form)")
+@fault("D8", "docs/explanation/convergence.md: the sphere leaves at 67.8 degrees (closed form)")
 def _departure() -> Answer:
-    text = (ROOT / "docs" / "convergence.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "explanation" / "convergence.md").read_text(encoding="utf-8")
     return "120 degrees" not in text and "67.8" in text, "67.8 named" if "67.8" in text else "not named"
 
 

@@ -5,7 +5,7 @@ frozen data that serialise to JSON, which is also the wire format to external en
 
 Bodies are numbered: disks ``0 .. n-1``, walls ``n .. n+m-1``. A pair is ``(i, j)`` with ``i < j``.
 
-Conventions (see ``docs/notation.md``)
+Conventions (see ``docs/reference/notation.md``)
 --------------------------------------
 - ``n`` is the unit normal from body ``i`` to body ``j``; ``t = (-n_y, n_x)``.
 - the force of the contact on body ``i`` is ``-fn n + fs t``; ``fn >= 0`` is compression.

@@ -51,7 +51,7 @@ FLAT = 1e-6
 """Spread of z over that of x and y which is round-off of a motion in the plane; single precision has 6e-8 a step."""
 IN_SPACE = (
     "this is motion in space, and `ninedisk audit` judges motion in the plane alone: spheres are judged by the cases "
-    "`ninedisk run 'spheres/*'` through an adapter or --engine-cmd (docs/tutorial-engine.md)"
+    "`ninedisk run 'spheres/*'` through an adapter or --engine-cmd (docs/tutorials/your-own-engine.md)"
 )
 VARIED = 20
 """Distinct numbers that a column must show for its own digits to count, else the file's most; exact numbers like 0.5 show none."""

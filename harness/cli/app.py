@@ -37,7 +37,7 @@ ORDER = (
     *("new-engine", "check-engine", "request", "schema", "runs", "merge", "export", "prune", "site", "docs"),
     *("selftest", "bench", "solve", "cd-problems"),
 )
-"""Commands as the help and README list them: what a newcomer asks first stands first."""
+"""Commands as the help and docs/reference/command-line.md list them: what a newcomer asks first stands first."""
 
 
 class _InOrder(TyperGroup):

@@ -22,12 +22,14 @@ def docs(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the pages.")] = Path("docs-html"),
     guides: Annotated[
         Path | None,
-        typer.Option("--guides", metavar="DIR", help="Also render the Markdown files of this folder."),
+        typer.Option(
+            "--guides", metavar="DIR", help="Also render the Markdown files of this folder and of the folders in it."
+        ),
     ] = None,
 ) -> None:
     """Build static pages that need no network: every case with its sketch, source, requirement, parameters with units and
-    ranges, truths, tolerances with their reasons, and commands to try; with --guides also the pages of a folder of
-    Markdown files, for instance that of the source tree's docs.
+    ranges, truths, tolerances with their reasons, and commands to try; with --guides also the Markdown files
+    of a folder and of the folders in it, for instance those of the source tree's docs. The index lists them folder by folder.
 
     Nothing is run: which truths bind which engine follows from the case and the engine's facts. Cases of installed
     packages have their pages, too.
@@ -42,14 +44,14 @@ def docs(
     from ninedisk.reports.docs import write_docs
 
     check_folder("--out", out)
-    texts = read_guides(guides_in(guides))
+    texts = [] if guides is None else read_guides(guides, guides_in(guides))
     with CellProgress() as progress:
         record = docs_record(progress)
     typer.echo(f"documentation: {write_docs(record, texts, out, guides)}")
 
 
-def read_guides(files: Sequence[Path]) -> list[tuple[str, str]]:
-    """Name and text of every Markdown file that was asked for.
+def read_guides(folder: Path, files: Sequence[Path]) -> list[tuple[str, str]]:
+    """Path within the folder and text of every Markdown file.
 
     Raises
     ------
@@ -59,23 +61,21 @@ def read_guides(files: Sequence[Path]) -> list[tuple[str, str]]:
     found = []
     for path in files:
         try:
-            found.append((path.name, path.read_text(encoding="utf-8")))
+            found.append((path.relative_to(folder).as_posix(), path.read_text(encoding="utf-8")))
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(f"the guide {str(path)!r} cannot be read: {error}") from error
     return found
 
 
-def guides_in(folder: Path | None) -> list[Path]:
-    """Markdown files of a folder, by name; none where no folder is named.
+def guides_in(folder: Path) -> list[Path]:
+    """Markdown files of a folder and of the folders in it, by name; no deeper, where examples may keep packages of others.
 
     Raises
     ------
     UsageError
-        If the folder is named and has none.
+        If there is none.
     """
-    if folder is None:
-        return []
-    found = sorted(folder.glob("*.md")) if folder.is_dir() else []
+    found = sorted([*folder.glob("*.md"), *folder.glob("*/*.md")]) if folder.is_dir() else []
     if not found:
         raise UsageError(f"--guides {str(folder)!r} holds no Markdown file: give a folder with *.md")
     return found

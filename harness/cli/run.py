@@ -126,7 +126,9 @@ def run(
     known_gaps: Annotated[
         Path | None,
         typer.Option(
-            "--known-gaps", metavar="FILE", help="TOML file of differences that are expected to fail (docs/engines.md)."
+            "--known-gaps",
+            metavar="FILE",
+            help="TOML file of differences that are expected to fail (docs/how-to/continuous-integration.md).",
         ),
     ] = None,
     write_known_gaps: Annotated[

@@ -33,7 +33,7 @@ Commands = Annotated[
     typer.Option(
         "--engine-cmd",
         metavar="COMMAND",
-        help="Engine by its command, e.g. 'node my-engine.mjs' (docs/tutorial-engine.md); repeat for several.",
+        help="Engine by its command, e.g. 'node my-engine.mjs' (docs/tutorials/your-own-engine.md); repeat for several.",
     ),
 ]
 """Option of every command that takes engines by their commands."""

@@ -52,14 +52,14 @@ def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     if spheres and language not in OF_SPHERES:
         raise UsageError(
             f"--spheres goes with --language {' or '.join(OF_SPHERES)}: there is no skeleton of an engine in space in C; a package that is "
-            "imported takes both kinds of scene in its `supports` and `run`, see docs/engines.md"
+            "imported takes both kinds of scene in its `supports` and `run`, see docs/reference/engines.md"
         )
     if language is None:
         return FILES
     if language not in LANGUAGES:
         raise UsageError(
             f"--language {language!r} is not allowed: use {', '.join(LANGUAGES)}, or leave it out for a package that is imported; "
-            f"in any other language the protocol is the same: docs/tutorial-engine.md"
+            f"in any other language the protocol is the same: docs/reference/wire-protocol.md"
         )
     file = LANGUAGES[language][0]
     return {

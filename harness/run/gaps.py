@@ -1,7 +1,7 @@
 """Known gaps of an engine: differences whose cause is known, expected to fail until they are closed.
 
 One TOML file serves `ninedisk run --known-gaps`, pytest, the exit code and, through the store, the pages. Its form, and what becomes of the
-checks that it names: docs/engines.md.
+checks that it names: docs/how-to/continuous-integration.md.
 """
 
 from __future__ import annotations

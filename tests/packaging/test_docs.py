@@ -18,6 +18,7 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.cli.app import app
+from ninedisk.harness.cli.docs import guides_in, read_guides
 from ninedisk.harness.run import case_record as case_records
 from ninedisk.harness.run import workers
 from ninedisk.harness.run.plan import Cell
@@ -26,8 +27,9 @@ from ninedisk.reports.folder import ReportError
 
 pytestmark = pytest.mark.tree
 ROOT = Path(__file__).resolve().parents[2]
-GUIDES = sorted((ROOT / "docs").glob("*.md"))
-FOLLOWED = ("tutorial-engine.md", "engines.md")
+GUIDES = sorted((ROOT / "docs").glob("*/*.md"))
+KINDS = ("tutorials", "how-to", "reference", "explanation")
+FOLLOWED = ("your-own-engine.md", "engines.md")
 """Guides whose steps build on each other: tests of their own follow them from the first to the last."""
 ALONE = [path for path in GUIDES if path.name not in FOLLOWED]
 
@@ -36,10 +38,10 @@ def blocks(path: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
-def console_lines() -> list[str]:
-    """Every command of ours that a guide shows."""
-    lines = [line for path in ALONE for block in blocks(path, "console") for line in block.splitlines()]
-    return [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+def console_blocks() -> list[tuple[str, ...]]:
+    """Commands of ours that a guide shows together."""
+    shown = [block.splitlines() for path in ALONE for block in blocks(path, "console")]
+    return [tuple(line.removeprefix("$ ") for line in lines if line.startswith("$ ")) for lines in shown]
 
 
 def invoke(line: str) -> tuple[int, str]:
@@ -73,8 +75,10 @@ def test_every_case_and_guide_has_its_page(built: Path) -> None:
     index = (built / "index.html").read_text(encoding="utf-8")
     for case_id in BUILTIN_CASES:
         assert f">{case_id}</a>" in index
+    assert {path.parent.name for path in GUIDES} == set(KINDS)
+    assert [index.index(f'href="{kind}/') for kind in KINDS] == sorted(index.index(f'href="{kind}/') for kind in KINDS)
     for path in GUIDES:
-        assert f'href="{path.stem}.html"' in index
+        assert f'href="{path.parent.name}/{path.stem}.html"' in index
     pages = {path.relative_to(built).as_posix() for path in built.rglob("*.html")}
     assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES)
 
@@ -86,7 +90,8 @@ def test_links_lead_somewhere_and_never_to_the_net(built: Path) -> None:
             name, _, place = target.partition("#")
             assert "://" not in target, (page.name, target)
             assert not name or (page.parent / name).exists(), (page.name, target)
-            assert name or not place or f'id="{place}"' in html, (page.name, target)
+            there = (page.parent / name).read_text(encoding="utf-8") if name and place else html
+            assert not place or f'id="{place}"' in there, (page.name, target)
 
 
 def test_pages_tell_what_the_cases_say(built: Path) -> None:
@@ -135,11 +140,12 @@ def test_commands_of_every_case_page_come_to_run(tmp_path: Path, monkeypatch: py
 
 
 @pytest.mark.usefixtures("cells_here")
-@pytest.mark.parametrize("line", console_lines())
-def test_commands_of_the_guides_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("lines", console_blocks(), ids=lambda lines: lines[0])
+def test_commands_of_the_guides_run(lines: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    code, output = invoke(line)
-    assert code == 0, output[-2000:]
+    for line in lines:
+        code, output = invoke(line)
+        assert code == 0, output[-2000:]
 
 
 @pytest.mark.parametrize("path", ALONE, ids=lambda path: path.name)
@@ -151,7 +157,7 @@ def test_programs_of_the_guides_run(path: Path, tmp_path: Path, monkeypatch: pyt
 
 
 def test_the_guides_show_something_to_run() -> None:
-    assert len(console_lines()) >= 3
+    assert sum(map(len, console_blocks())) >= 8
     assert any(blocks(path, "python") for path in GUIDES)
 
 
@@ -185,6 +191,34 @@ def test_a_guide_that_links_nowhere_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_guides_in_folders_link_to_each_other_and_show_pictures(tmp_path: Path) -> None:
+    guides = {
+        "a/x.md": "# X\n\n[y](../b/x.md#two-words) ![p](../p.png)\n",
+        "b/x.md": "# Y\n\n## Two `words`\n\n[top](../top.md)\n",
+    }
+    guides |= {"top.md": "# Top\n\n[x](a/x.md)\n", "index.md": "# Index\n", "cases/x.md": "# Z\n"}
+    (tmp_path / "p.png").write_bytes(b"picture")
+    out = write_docs([], list(guides.items()), tmp_path / "out", tmp_path).parent
+    assert 'href="../b/x.html#two-words"' in (out / "a" / "x.html").read_text(encoding="utf-8")
+    assert 'src="../p.png"' in (out / "a" / "x.html").read_text(encoding="utf-8")
+    assert (out / "p.png").read_bytes() == b"picture"
+    below = (out / "b" / "x.html").read_text(encoding="utf-8")
+    assert 'id="two-words"' in below
+    assert 'href="../top.html"' in below
+    assert 'href="../index.html"' in below
+    assert 'href="a/x.html"' in (out / "top.html").read_text(encoding="utf-8")
+    assert "ninedisk: documentation" in (out / "index.html").read_text(encoding="utf-8")
+    assert len(list(out.rglob("*.html"))) == len(guides) + 1
+
+
+def test_guides_are_read_one_folder_deep(tmp_path: Path) -> None:
+    for name in ("b.md", "a/x.md", "a/node_modules/README.md"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("# T\n")
+    found = guides_in(tmp_path)
+    assert [name for name, _ in read_guides(tmp_path, found)] == ["a/x.md", "b.md"]
+
+
 def test_no_markup_comes_through_a_guide(tmp_path: Path) -> None:
     write_docs([], [("a.md", "# A\n\n<script>alert(1)</script>\n")], tmp_path / "out")
     assert "<script>" not in (tmp_path / "out" / "a.html").read_text(encoding="utf-8")
@@ -198,7 +232,9 @@ def test_a_folder_without_guides_is_refused(folder: str, tmp_path: Path) -> None
     assert "holds no Markdown file" in output
 
 
-@pytest.mark.parametrize("name", ["docs/architecture.md", "CONTRIBUTING.md"])
+@pytest.mark.parametrize(
+    "name", ["docs/explanation/architecture.md", "docs/how-to/add-a-contact-law.md", "CONTRIBUTING.md"]
+)
 def test_guides_name_files_that_are_there(name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
     named = re.findall(r"`((?:core|references|harness|reports|tests|tools|docs)/[\w./-]+)`", text)

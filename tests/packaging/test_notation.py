@@ -48,7 +48,7 @@ NOT_SYMBOLS = {
 
 @pytest.fixture(scope="module")
 def page(root: Path) -> str:
-    return (root / "docs" / "notation.md").read_text(encoding="utf-8")
+    return (root / "docs" / "reference" / "notation.md").read_text(encoding="utf-8")
 
 
 def named(page: str) -> dict[str, set[str]]:

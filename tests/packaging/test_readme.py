@@ -1,8 +1,9 @@
-"""What the README shows works as it stands, and what it lists is what there is."""
+"""What the README and the reference of the command line show works as it stands, and what they list is what there is."""
 
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -12,18 +13,20 @@ from ninedisk.harness.cli.app import app
 from ninedisk.harness.results import schema as records
 
 pytestmark = pytest.mark.tree
-README = Path(__file__).resolve().parents[2] / "README.md"
+ROOT = Path(__file__).resolve().parents[2]
+README = ROOT / "README.md"
+COMMAND_LINE = ROOT / "docs" / "reference" / "command-line.md"
+MOST_LINES, MOST_WORDS = 100, 700
+"""Of the README: it is read on one screen or not at all."""
 
 
-def blocks(language: str) -> list[str]:
-    if not README.exists():  # against a wheel; the tests are deselected there, but parametrised all the same
-        return []
-    return re.findall(rf"^```{language}\n(.*?)^```", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+def blocks(language: str, path: Path = README) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 
 
 def table(header: str) -> list[list[str]]:
     """Cells of the rows of the table that begins with ``header``."""
-    lines = README.read_text(encoding="utf-8").splitlines()
+    lines = COMMAND_LINE.read_text(encoding="utf-8").splitlines()
     first = next(k for k, line in enumerate(lines) if line.startswith(f"| {header} |"))
     rows = []
     for line in lines[first + 2 :]:
@@ -33,31 +36,36 @@ def table(header: str) -> list[list[str]]:
     return rows
 
 
-def first_line(code: str) -> str:
-    return code.splitlines()[0]
+def test_it_is_short() -> None:
+    text = README.read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= MOST_LINES
+    assert len(text.split()) <= MOST_WORDS
 
 
-@pytest.mark.parametrize("code", blocks("python"), ids=first_line)
-def test_python_examples_run(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_result_is_had(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The commands up to "Use it to" run in a clone, from the first to the last, and print what is shown."""
+    text = README.read_text(encoding="utf-8").partition("## Use it")[0]
+    lines = re.findall(r"^\$ ninedisk (.+?)(?: +#.*)?$", text, re.MULTILINE)
+    assert [line.split()[0] for line in lines] == ["check-engine", "audit", "audit"]
+    (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, "README.md", "exec"), {"__name__": "readme"})
-    assert list(tmp_path.iterdir()) == [], "an example leaves files behind"
+    said = ""
+    for line in lines:
+        done = CliRunner().invoke(app, shlex.split(line))
+        assert done.exit_code == 0, done.output
+        said += done.output
+    (shown,) = re.findall(r"^```text\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    assert shown in said
 
 
 def test_the_example_of_a_digitised_curve_is_read(tmp_path: Path) -> None:
     from ninedisk.references.published_curves import load_curves
 
-    (example,) = (code for code in blocks("toml") if code.startswith("case ="))
+    (example,) = blocks("toml", ROOT / "docs" / "how-to" / "verify-a-code.md")
     (tmp_path / "name.toml").write_text(example, encoding="utf-8")
     (tmp_path / "name.csv").write_text("step,force\n0,0\n100,4.9e7\n")
     (curve,) = load_curves(tmp_path)
     assert curve.applies_to("nine-disk/compression", {"load_case": "a1", "xi": 3.0})
-
-
-def test_both_entries_have_an_example() -> None:
-    code = "\n".join(blocks("python"))
-    assert "run_case(" in code
-    assert "simulate(" in code
 
 
 def test_statuses_are_those_of_the_records() -> None:

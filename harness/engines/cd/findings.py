@@ -18,7 +18,7 @@ FINDINGS = (
             sign=1,
             over_why="under Coulomb's law friction lifts nothing; other engines leave the particle where it is, to round-off",
         ),
-        documented="docs/notation.md: the associated rule (A.2)",
+        documented="docs/reference/notation.md: the associated rule (A.2)",
     ),
     Finding(
         id="cd/restitution-depends-on-phase",
@@ -36,7 +36,7 @@ FINDINGS = (
             sign=-1,
             over_why="elastic impacts keep the energy: engines with rigid contacts to round-off, springs to 1e-3 by their step",
         ),
-        documented="docs/notation.md: Numerics.impact",
+        documented="docs/reference/notation.md: Numerics.impact",
         command="ninedisk run gas/elastic --engine cd",
     ),
     Finding(
@@ -55,6 +55,6 @@ FINDINGS = (
             over=1e-05,
             over_why="net slip is 0; with slip_at=middle the solver's 2e-6 remain",
         ),
-        documented="docs/notation.md: slip_at",
+        documented="docs/reference/notation.md: slip_at",
     ),
 )

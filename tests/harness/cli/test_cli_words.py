@@ -110,8 +110,8 @@ def test_help_documents_every_argument_and_option(words: str) -> None:
 
 
 @pytest.mark.tree
-def test_readme_lists_every_command() -> None:
-    text = (Path(__file__).parents[3] / "README.md").read_text()
+def test_the_reference_lists_every_command() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "reference" / "command-line.md").read_text()
     for words, command in commands().items():
         if words and not getattr(command, "commands", {}):
             assert f"ninedisk {words}" in text, words
