@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, get_case, get_engine
+from ninedisk.harness.api.text import some
 from ninedisk.harness.cli.app import app
 
 
@@ -82,7 +83,7 @@ def test_one_case_in_full(case_id: str) -> None:
             assert word, parameter.name
         assert parameter.name in done.stdout
         assert allowed(parameter)
-    assert f"{len(case.matrix())} variants run by default" in done.stdout
+    assert f"{some(len(case.matrix()), 'variant')} run by default" in done.stdout
 
 
 @pytest.mark.parametrize("words", commands())
