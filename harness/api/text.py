@@ -18,11 +18,6 @@ def some(count: int, word: str) -> str:
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
-def short_variant(name: str) -> str:
-    """A variant's id with its numbers cut to four digits, to be read and not to be typed."""
-    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda match: f"{float(match[0]):.4g}", name)
-
-
 def times(base: float, head: float) -> str:
     """How many times as large, ``1.30x``; ``-`` where that means nothing."""
     if math.isnan(base) or math.isnan(head) or base <= 0.0:

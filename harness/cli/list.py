@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.api.text import short_variant, some
+from ninedisk.harness.api.text import some
 from ninedisk.harness.cli.support import Commands, Group, guarded
+from ninedisk.harness.results.schema import short_variant
 from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:

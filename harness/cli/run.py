@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import found_and_expected, short_variant, some
+from ninedisk.harness.api.text import found_and_expected, some
 from ninedisk.harness.cli.support import (
     FAILURE,
     INTERRUPTED,
@@ -32,7 +32,15 @@ from ninedisk.harness.cli.support import (
     write_rows,
 )
 from ninedisk.harness.results.lacking import as_default, lacking, ranking_lines, reasons
-from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, has_no_value, row_tolerance
+from ninedisk.harness.results.schema import (
+    WIDE,
+    WORST_FIRST,
+    Row,
+    allowed_shares,
+    has_no_value,
+    row_tolerance,
+    short_variant,
+)
 from ninedisk.harness.terminal import console, share, table
 
 if TYPE_CHECKING:
@@ -178,7 +186,7 @@ def run(
     \b
     Exit codes:
       0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
-         known-difference, no-truth)
+         known-difference, no-truth); ninedisk list statuses explains these words
       1  the run is complete but some check failed, or passes that --known-gaps expects to fail
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written, a named engine
          that is not installed)

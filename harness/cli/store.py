@@ -117,13 +117,15 @@ def show(
     run_id = next((each for each in candidates if of(each, "cells")), None)
     wanted = f"--case {case} --engine {engine or 'ID'}"
     if run_id is None:
-        names = {
-            row["engine"]
+        held = [
+            (row["engine"], row["case"])
             for each in candidates
-            for row in read_rows(store, read_about(store, each), "cells", ["engine"])
-        }
+            for row in read_rows(store, read_about(store, each), "cells", ["engine", "case"])
+        ]
+        names, cases = ({pair[k] for pair in held} for k in (0, 1))
         where = "no run of the store has a" if which is None else f"the run {newest} has no"
-        near = "" if engine is None else close_matches(engine, names)
+        near = "" if engine in names or engine is None else close_matches(engine, names)
+        near += "" if any(fnmatchcase(name, case) for name in cases) else close_matches(case, cases)
         out = "; leave RUN out for the newest run that has it" if which is not None else ""
         raise UsageError(
             f"{where} cell of {wanted}; its engines: {', '.join(sorted(names))}{out}{'.' if near else ''}{near}"

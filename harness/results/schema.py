@@ -8,6 +8,7 @@ form here too, so that pages can be made of it.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -56,6 +57,11 @@ NO_VALUE = "no-value"
 def has_no_value(row: Mapping[str, Any]) -> bool:
     """Whether a check has no error to compare although its truth gives a number: the engine gives none, or NaN at some step."""
     return bool(row["status"] == "fail" and row["quantity"] and math.isnan(float(row["abs_error"])))
+
+
+def short_variant(name: str) -> str:
+    """A variant's id with its numbers cut to four digits, to be read and not to be typed."""
+    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda match: f"{float(match[0]):.4g}", name)
 
 
 def worst_status(statuses: Iterable[str]) -> str:

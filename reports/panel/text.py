@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
+from ninedisk.harness.results.schema import short_variant as short_variant
 from ninedisk.harness.results.statuses import TABLE
 
 NOTHING = "—"
@@ -79,11 +80,6 @@ def times(value: Any) -> str:
 def some(number: int, word: str) -> str:
     """A number and a noun: ``1,162 checks``, ``1 check``."""
     return f"{number:,} {word}{'' if number == 1 else 's'}"
-
-
-def short_variant(name: str) -> str:
-    """A variant's id with its numbers cut to four digits."""
-    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda m: f"{float(m[0]):.4g}", name)
 
 
 def seconds(value: Any) -> str:
