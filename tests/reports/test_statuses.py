@@ -9,9 +9,11 @@ from typing import Any
 
 import pytest
 
+from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, RunFacts
 from ninedisk.harness.results.statuses import TABLE, VERDICTS
 from ninedisk.reports.build import build_report
 from ninedisk.reports.site import build_site
+from ninedisk.reports.studies import comparison_page
 
 NOT_RUN = ("unsupported", "not-installed")
 FAILED = ("fail", "error", "timeout")
@@ -99,3 +101,32 @@ def test_a_page_does_not_contradict_its_own_counts(pages: Path) -> None:
     assert "No claim of the source is contradicted (0 verdicts stored)" in index
     assert "has the status known-gap : 1 check." in index
     assert "time-out" not in index
+
+
+def test_a_comparison_has_the_table_on_its_page() -> None:
+    """It is one file, so that it has no other page to lead to."""
+    facts = RunFacts(run_id="r", started="", commit="", machine="", versions={}, command="")
+    place = {
+        "case": "c",
+        "case_version": 1,
+        "variant": "v",
+        "engine": "e",
+        "quantity": "x",
+        "unit": "m",
+        "truth": "analytic",
+    }
+    changes = tuple(
+        Change(
+            verdict=verdict, kind="error", base=1.0, head=2.0, tolerance=1.5, reason="why",
+            base_status="pass", head_status="known-gap", **place,
+        )
+        for verdict in CHANGE_VERDICTS
+    )  # fmt: skip
+    html = comparison_page(Comparison(base=facts, head=facts, base_runs=1, head_runs=1, changes=changes, rules=()))
+    for word, meaning in VERDICTS["compare"].items():
+        assert f"<dt>{word}</dt><dd>{meaning}" in html
+        assert (f'<h2 id="{word}">' in html) == (word != "same")
+        assert f"1 {word}" in html.replace("1 got worse", "1 worse")
+    for status in TABLE.values():
+        assert f"{status.symbol} {status.id}</span></dt><dd>{status.meaning}" in html
+    assert "pass → known-gap" in html
