@@ -145,15 +145,15 @@ class Summary:
 
     @property
     def fails(self) -> int:
-        """Number of failing checks."""
+        """Number of cells in which a check fails."""
         return dict(self.counts).get("fail", 0)
 
     @property
     def wrong(self) -> str:
-        """What is `WRONG` with it in words, "3 checks fail"; "" where nothing is."""
+        """What is `WRONG` with it in words, "3 variants fail"; "" where nothing is."""
         counts = dict(self.counts)
         words = {
-            "fail": ("check fails", "checks fail"),
+            "fail": ("variant fails", "variants fail"),
             "error": ("error", "errors"),
             "timeout": ("timeout", "timeouts"),
         }

@@ -161,6 +161,14 @@ def test_what_no_engine_was_asked_to_run_does_not_decide():
     assert summarise(cells[1:], []).status == "unsupported"
 
 
+def test_what_is_wrong_counts_variants():
+    """A square joins cells: two checks of one variant that fail are one."""
+    cells = [{"status": status, "support": "exact", "variant": name} for name, status in (("a", "fail"), ("b", "pass"))]
+    rows = [row(status="fail", variant="a"), row(status="fail", variant="a", quantity="r"), row(variant="b")]
+    found = summarise(cells, rows)
+    assert (found.fails, found.wrong) == (1, "1 variant fails")
+
+
 @pytest.mark.parametrize("truth", ["published", "analytic"])
 def test_a_square_has_the_status_of_the_stored_cell(truth):
     cell = {"status": "known-gap", "support": "exact", "variant": "k=1"}
