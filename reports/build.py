@@ -170,6 +170,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
         (folder / "determinism.html").write_text(determinism_page(env, panel), encoding="utf-8")
     if stored.changes:
         (folder / "changes.html").write_text(comparison_page(stored.changes), encoding="utf-8")
+    (folder / "statuses.html").write_text(pages.statuses_page(env), encoding="utf-8")
     (folder / "index.html").write_text(pages.index_page(env, panel, found), encoding="utf-8")
     progress("writing pages", total, total)
 

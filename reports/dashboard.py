@@ -21,7 +21,7 @@ from markupsafe import Markup, escape
 from ninedisk.harness.results.schema import ROUND_OFF, Line, Point, RunFacts, Shift, StoreHistory
 from ninedisk.reports import studies
 from ninedisk.reports.folder import fresh_folder
-from ninedisk.reports.pages import HERE, sheet
+from ninedisk.reports.pages import HERE, sheet, statuses_page
 from ninedisk.reports.panel import text
 from ninedisk.reports.panel.ranking import percent
 
@@ -79,6 +79,7 @@ def build_dashboard(history: StoreHistory, out: Path, progress: Callable[[str, i
             progress("writing pages", written, total)
             (folder / pages.compare_file(around)).write_text(pages.compare(around), encoding="utf-8")
             written += 1
+        (folder / "statuses.html").write_text(pages.statuses(), encoding="utf-8")
         (folder / "index.html").write_text(pages.index(), encoding="utf-8")
         progress("writing pages", total, total)
     return Path(out).absolute() / "index.html"
@@ -530,6 +531,10 @@ class Pages:
             ended=[line for line in lines if self._ends(line)],
             whole_runs=[line for line in self._history.lines if not line.engine],
         )
+
+    def statuses(self) -> str:
+        """The page of statuses."""
+        return statuses_page(self._env)
 
     def lines(self, place: Place) -> str:
         """The page of a case and engine: every line, those with marks first."""

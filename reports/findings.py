@@ -20,9 +20,6 @@ from ninedisk.reports.panel.text import as_float
 COLOURS = {"larger": "out3", "gone": "in0", "there": "out1", "not-measured": "none"}
 """Colour class of each verdict; the word itself stands beside it."""
 
-WORDS = {"there": "confirmed", "not-measured": "not measured"}
-"""Verdicts that a page says in other words than the stored ones."""
-
 
 def of_engines(stored: Stored) -> list[EvaluatedFinding]:
     """What engines do otherwise, as far as the store has a number for it, largest first; errata of the source left out."""
@@ -67,5 +64,4 @@ def findings_page(env: Environment, panel: Panel) -> str:
         engines=panel.engines,
         cases=panel.cases,
         colours=COLOURS,
-        words=WORDS,
     )

@@ -26,6 +26,7 @@ from ninedisk.harness.results.schema import (
     Row,
     worse_than_promised,
 )
+from ninedisk.harness.results.statuses import TABLE, VERDICTS
 from ninedisk.reports import citation
 from ninedisk.reports.drawing.charts import Chart
 from ninedisk.reports.findings import of_engines
@@ -47,11 +48,10 @@ from ninedisk.reports.panel.model import (
     EngineFacts,
     Panel,
     Summary,
-    contradicts_print,
     is_wide,
     summarise,
 )
-from ninedisk.reports.panel.text import SOURCE_WRONG, as_float, number, pair_shade, parameters, shade, symbol
+from ninedisk.reports.panel.text import as_float, number, pair_shade, parameters, shade, symbol
 from ninedisk.reports.panel.uses import Use
 
 HERE = Path(__file__).parent
@@ -112,8 +112,8 @@ def environment() -> Environment:
     env.globals |= {
         "pips": text.SUPPORT_PIPS,
         "support_meaning": text.SUPPORT_MEANING,
-        "status_meaning": text.STATUS_MEANING,
-        "source_wrong": text.SOURCE_WRONG,
+        "statuses": TABLE,
+        "other_verdicts": VERDICTS,
         "shades": text.SHADES,
         "pair_shades": text.PAIR_SHADES,
         "nothing": text.NOTHING,
@@ -200,13 +200,9 @@ def _matrix(panel: Panel, found: dict[tuple[str, str], Square]) -> tuple[list[En
 
 
 def verdict_counts(panel: Panel) -> dict[str, int]:
-    """How many checks came out how; those that pass are told apart by how much they allow."""
-    rows = [row for row in panel.measurements if row["status"] not in NOT_RUN]
-    counts = Counter(
-        "pass, wide" if is_wide(row) else SOURCE_WRONG if contradicts_print(row) else str(row["status"]) for row in rows
-    )
-    order = ("pass", "pass, wide", "known-difference", "known-gap", SOURCE_WRONG, "fail")
-    told = {"pass, tight" if word == "pass" else word: counts.pop(word, 0) for word in order}
+    """How many checks have each status."""
+    counts = Counter(str(row["status"]) for row in panel.measurements if row["status"] not in NOT_RUN)
+    told = {word: counts.pop(word, 0) for word in ("pass", "known-difference", "known-gap", "fail")}
     return told | dict(counts)
 
 
@@ -246,6 +242,7 @@ def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = ()) -> str:
         changes=panel.stored.changes,
         **_moved(panel.stored.changes),
         counts=verdict_counts(panel),
+        n_wide=sum(map(is_wide, panel.measurements)),
         disagreements=disagreements(panel)[:LISTED],
         worst_pairs=panel.worst_of_pairs(),
         causes=_grouped(ranking.causes(panel, panel.gap_rows())),
@@ -298,7 +295,7 @@ def _grouped(causes: list[ranking.Cause]) -> list[CauseGroup]:
     found = [
         CauseGroup(
             finding=finding,
-            status=SOURCE_WRONG if contradicts_print(members[0].worst) else members[0].status,
+            status=members[0].status,
             engines=list(dict.fromkeys(name for cause in members for name in cause.engines)),
             count=sum(cause.count for cause in members),
             causes=members,
@@ -311,6 +308,11 @@ def _grouped(causes: list[ranking.Cause]) -> list[CauseGroup]:
 def errata_page(env: Environment, panel: Panel) -> str:
     """Claims of the source that are contradicted."""
     return env.get_template("errata.html").render(root="", errata=errata(panel), measured=measured)
+
+
+def statuses_page(env: Environment) -> str:
+    """What statuses and other verdicts mean; the footer of every page leads here."""
+    return env.get_template("statuses.html").render(root="")
 
 
 def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, Any]) -> str:

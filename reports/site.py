@@ -32,6 +32,7 @@ from ninedisk.harness.results.schema import (
     row_tolerance,
     worst_status,
 )
+from ninedisk.harness.results.statuses import TABLE
 from ninedisk.reports.folder import ReportError, fresh_folder
 from ninedisk.reports.pages import environment, sheet
 from ninedisk.reports.panel import text
@@ -319,6 +320,7 @@ def _write(site: Site, folder: Path, progress: Progress) -> None:
     for case in cases:
         ranked = sorted(((engine, latest[engine, case]) for engine in engines if (engine, case) in latest), key=_rank)
         page(f"case/{address(case)}.html", "site/case.html", case=case, ranked=ranked)
+    page("statuses.html", "statuses.html")
     page("index.html", "site/index.html", engines=engines, cases=cases, latest=latest, runs=site.runs[::-1])
     progress("writing pages", total, total)
 
@@ -414,6 +416,9 @@ def _row(row: Row, columns: Sequence[str], run: RunFacts) -> Row:
 
 BADGE_COLOURS = {"green": "#1c6b41", "amber": "#8a5a00", "red": "#a3251b"}
 
+BROKEN = frozenset({"error", "timeout"})
+"""Statuses of cells that started and did not end; the badge names them."""
+
 MOST_PASS, SOME_PASS, HALF_RUN, FEW_FAIL = 0.9, 0.6, 0.5, 0.01
 """Of a badge: share of judged checks that pass for green, and for amber; share of cells that run, for green; of checks that may fail,
 for amber."""
@@ -427,7 +432,7 @@ def badge_colour(outcomes: Sequence[Outcome], left: int) -> str:
     - red: fewer than `SOME_PASS` pass, or more than `FEW_FAIL` fail, or as many cells end in an error;
     - amber: all others.
 
-    A check is judged where its truth says something. Known gaps and known differences are judged and do not pass. A time-out is no
+    A check is judged where its truth says something. Known gaps and known differences are judged and do not pass. A timeout is no
     wrong answer: its cell counts as one that did not run, and the badge's text names it.
 
     Parameters
@@ -454,15 +459,13 @@ def badge_svg(outcomes: Sequence[Outcome], left: int = 0) -> str:
     """
     passed, judged = _sums(outcomes)
     statuses = [str(cell["status"]) for each in outcomes for cell in each.cells]
-    late, broken = statuses.count("timeout"), statuses.count("error")
+    broken = sum(status in BROKEN for status in statuses)
     said = [f"{passed} of {judged} checks pass"]
-    if left or late or broken:
-        said.append(f"{len(statuses) - late - broken} of {len(statuses) + left} cells run")
-    said += [
-        f"{count} {name if count == 1 else several}"
-        for count, name, several in ((late, "time-out", "time-outs"), (broken, "error", "errors"))
-        if count
-    ]
+    if failed := sum(row["status"] == "fail" for each in outcomes for row in each.checks):
+        said.append(f"{failed} fail")
+    if left or broken:
+        said.append(f"{len(statuses) - broken} of {len(statuses) + left} cells run")
+    said += [text.some(count, status) for status in TABLE if status in BROKEN and (count := statuses.count(status))]
     if scores := [float(each.score["rel_error"]) for each in outcomes if each.score]:
         said.append(f"median error {text.error(median(scores))}")
     words = ", ".join(said)

@@ -16,15 +16,15 @@ from ninedisk.reports.panel import text
 SHOWN = 200
 """Rows of one verdict that the page lists."""
 VERDICTS = {
-    "worse": ("✗", "Got worse", "out3"),
-    "suspect": ("?", "Suspect: look twice", "out1"),
-    "lost": ("∅", "Lost: in BASE, not in HEAD", "out1"),
-    "not-comparable": ("≠", "Not comparable", "none"),
-    "better": ("✓", "Got better", "in0"),
-    "new": ("+", "New in HEAD", "none"),
-    "same": ("=", "Same", "in1"),
+    "worse": ("✗", "out3"),
+    "suspect": ("?", "out1"),
+    "lost": ("∅", "out1"),
+    "not-comparable": ("≠", "none"),
+    "better": ("✓", "in0"),
+    "new": ("+", "none"),
+    "same": ("=", "in1"),
 }
-"""Symbol, heading and colour class of each verdict."""
+"""Symbol and colour class of each verdict; its words are in `ninedisk.harness.results.statuses`."""
 Row = Mapping[str, Any]
 MOST_LINES = 6
 """Quantities in one chart; more of one unit share the next."""

@@ -1,7 +1,7 @@
 """The main job: run every case on every engine of this machine, build the page, say what came out.
 
 The page is built whatever the checks say, since it is the place to look a failure up. A failed check is a finding, and so is a cell that
-ends as an error or a time-out: the exit status is 0, unless ``--strict`` is given. Wrong usage, a run that is not stored and a page that is
+ends as an error or a timeout: the exit status is 0, unless ``--strict`` is given. Wrong usage, a run that is not stored and a page that is
 not built are errors.
 """
 
@@ -62,7 +62,7 @@ def main() -> int:
     parser.add_argument("--out", default="report", help="folder of the page")
     parser.add_argument("--engine-cmd", action="append", default=[], help="an engine by its command, beside all others")
     parser.add_argument("--jobs", default="auto", help="cells at once; auto: one for each core")
-    parser.add_argument("--strict", action="store_true", help="end with 3 if a cell ends as an error or a time-out")
+    parser.add_argument("--strict", action="store_true", help="end with 3 if a cell ends as an error or a timeout")
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder:

@@ -47,7 +47,7 @@ def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
         if name not in known:
             raise ParameterError(
                 f"the case {case.id!r} has no parameter {name!r}.{close_matches(name, known)} "
-                f"Its parameters:\n{describe_parameters(case.parameters)}"
+                f"`ninedisk list cases {case.id}` shows them in a table. Its parameters:\n{describe_parameters(case.parameters)}"
             )
     params: dict[str, Any] = {}
     shown: list[str] = []

@@ -13,6 +13,11 @@ def short(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.3g}"
 
 
+def some(count: int, word: str) -> str:
+    """A number and a noun: ``1,162 checks``, ``1 check``."""
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
 def times(base: float, head: float) -> str:
     """How many times as large, ``1.30x``; ``-`` where that means nothing."""
     if math.isnan(base) or math.isnan(head) or base <= 0.0:

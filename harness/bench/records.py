@@ -15,6 +15,7 @@ from typing import Any
 from ninedisk.harness.api.errors import StoreError, UsageError
 from ninedisk.harness.api.text import printable
 from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.statuses import VERDICTS
 from ninedisk.harness.results.tables import complete
 from ninedisk.harness.terminal import console, table
 
@@ -67,7 +68,7 @@ COLUMNS: dict[str, str] = {
 }
 """One row per problem, engine, number of threads, start and tolerance."""
 
-STATUSES = ("pass", "fail", "not-reached", "unsupported", "not-installed", "timeout", "error")
+STATUSES = tuple(VERDICTS["bench"])
 
 
 def new_row(**known: Any) -> Row:

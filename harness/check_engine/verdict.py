@@ -10,7 +10,7 @@ from ninedisk.harness.api.capabilities import Capability, capabilities_asked
 from ninedisk.harness.api.engine import Engine, EngineInfo, SupportLevel
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.api.support import support_of
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import printable, some
 from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, UNSEEN, Fault, Outcome
 from ninedisk.harness.terminal import console, table
 
@@ -85,7 +85,7 @@ def _head(info: EngineInfo, outcomes: Sequence[Outcome]) -> Iterator[str]:
     yield (
         f"{info.id} {info.version}: {len(names[FAIL])} of {ran} checks fail"
         if names[FAIL]
-        else f"{info.id} {info.version}: nothing wrong was found, {len(names[PASS])} checks pass"
+        else f"{info.id} {info.version}: nothing wrong was found, {some(ran, 'check')} pass{'es' if ran == 1 else ''}"
     )
     if names[PASS]:
         yield f"pass: {', '.join(names[PASS])}"

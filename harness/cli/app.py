@@ -8,7 +8,6 @@ import sys
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from ninedisk.harness.cli import (
     audit,
@@ -30,24 +29,44 @@ from ninedisk.harness.cli import (
 )
 from ninedisk.harness.cli import list as listing
 from ninedisk.harness.cli.pipe import guard_output
-from ninedisk.harness.cli.support import INTERRUPTED
+from ninedisk.harness.cli.support import INTERRUPTED, Group
 
-ORDER = (
-    *("list", "run", "show", "report", "findings", "compare", "dashboard", "converge", "determinism", "audit"),
-    *("new-engine", "check-engine", "request", "schema", "runs", "merge", "export", "prune", "site", "docs"),
-    *("selftest", "bench", "solve", "cd-problems"),
+FIRST = (
+    *("list", "run", "report", "check-engine", "audit"),
+    *("compare", "converge", "findings", "bench", "new-engine"),
 )
-"""Commands as the help and docs/reference/command-line.md list them: what a newcomer asks first stands first."""
+"""Commands that the help explains, what a newcomer needs first."""
+
+MORE = {
+    "stored runs": ("show", "runs", "merge", "export", "prune"),
+    "pages": ("dashboard", "site", "docs"),
+    "engines": ("request", "schema", "determinism"),
+    "contact problems": ("solve", "cd-problems"),
+    "this suite": ("selftest",),
+}
+"""The other commands, by what they are about; the help names them."""
+
+ORDER = (*FIRST, *(name for names in MORE.values() for name in names))
 
 
-class _InOrder(TyperGroup):
+class _TwoLevels(Group):
+    """The help of a few commands, and the names of the others."""
+
     def list_commands(self, ctx: Any) -> list[str]:
         return sorted(super().list_commands(ctx), key=ORDER.index)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        width = formatter.width - 6 - max(map(len, FIRST))
+        found = [(name, self.get_command(ctx, name)) for name in FIRST]
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, command.get_short_help_str(width)) for name, command in found if command])
+        with formatter.section("More (ninedisk COMMAND --help explains each)"):
+            formatter.write_dl([(about, ", ".join(names)) for about, names in MORE.items()])
 
 
 app = typer.Typer(
     name="ninedisk",
-    cls=_InOrder,
+    cls=_TwoLevels,
     help="Verify and compare engines for granular DEM and contact dynamics on problems with known answers.\n\n"
     "Start with: ninedisk run binary-collision --engine dem, then ninedisk report; ninedisk list cases shows all problems.",
     no_args_is_help=True,

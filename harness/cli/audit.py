@@ -17,7 +17,7 @@ WRONG = 1
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("audit", short_help="Hold mechanics against anybody's trajectory, without an adapter.")(audit)
+    app.command("audit", short_help="Check conservation laws and friction in a trajectory file.")(audit)
 
 
 @guarded
@@ -118,14 +118,15 @@ def _beside(file: Path) -> Path:
 
 
 def _show(record: Mapping[str, Any]) -> None:
-    from ninedisk.harness.api.text import printable
+    from ninedisk.harness.api.text import printable, some
 
     out = console()
     digits = ", ".join(f"{name} {told}" for name, told in record["digits"].items() if name in ("t", "x", "vx", "omega"))
     begin, end = record["t"]
     out.print(
         printable(
-            f"{record['file']} ({record['form']}): {record['disks']:,} disks, {record['frames']:,} frames from t = {begin:g} to {end:g} s, "
+            f"{record['file']} ({record['form']}): {some(record['disks'], 'disk')}, {some(record['frames'], 'frame')} "
+            f"from t = {begin:.4g} to {end:.4g} s, "
             f"{record['interval'][0]:.4g} s apart; {digits}"
         )
     )

@@ -25,7 +25,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("bench", short_help="Measure speed and memory beside other engines.")(bench)
+    app.command("bench", short_help="Compare speed and memory with other engines.")(bench)
 
 
 @guarded
@@ -112,7 +112,7 @@ def bench(
       3  an engine failed or crashed
       130  interrupted; the record and the page hold what was measured until then
     """
-    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.errors import UsageError, close_matches
     from ninedisk.harness.bench.plan import Request, run_suites
     from ninedisk.harness.bench.records import prepare_folder, show, write_records
     from ninedisk.harness.results.store import new_run_id
@@ -123,7 +123,8 @@ def bench(
     suites, commands = suites or list(SUITES), engine_cmd or []
     for suite in suites:
         if suite not in SUITES:
-            raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}")
+            near = close_matches(suite, SUITES)
+            raise UsageError(f"there is no suite {suite!r}: use {', '.join(SUITES)}{near and '.'}{near}")
     if time_limit is not None and not 0.0 < time_limit <= LONGEST:
         raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be in (0, {LONGEST:g}] s")
     if commands and "flow" not in suites:

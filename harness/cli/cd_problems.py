@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.cli.support import CellProgress, guarded, parse_settings
+from ninedisk.harness.cli.support import CellProgress, Group, guarded, parse_settings
 
 if TYPE_CHECKING:
     from ninedisk.core.cd.problem_files import Form
@@ -20,7 +20,7 @@ FormOption = Annotated[
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    group = typer.Typer(no_args_is_help=True, help="Save or make contact problems as files.")
+    group = typer.Typer(cls=Group, no_args_is_help=True, help="Save or make contact problems as files.")
     group.command("collect", short_help="Save the contact problems of a run.")(collect)
     group.command("make", short_help="Make the open set of contact problems.")(make)
     app.add_typer(group, name="cd-problems")
@@ -101,14 +101,14 @@ def make(
       ninedisk cd-problems make --disks 3000 --seed 1 --out set-1
       ninedisk cd-problems make --family pyramid --form fclib
     """
-    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.errors import UsageError, not_one_of
     from ninedisk.harness.bench import problem_set
     from ninedisk.harness.results.whole_file import check_folder
 
     wanted = tuple(family or problem_set.FAMILIES)
     unknown = [name for name in wanted if name not in problem_set.FAMILIES]
     if unknown:
-        raise UsageError(f"--family {unknown[0]!r} is unknown: use one of {', '.join(problem_set.FAMILIES)}")
+        raise UsageError(not_one_of("--family", unknown[0], problem_set.FAMILIES))
     if seed < 0 or not problem_set.SIZES[0] <= disks <= problem_set.SIZES[-1]:
         raise UsageError(
             f"--seed {seed} --disks {disks} is not allowed: a seed >= 0, disks {problem_set.SIZES[0]} .. {problem_set.SIZES[-1]}"
@@ -125,9 +125,9 @@ def make(
 
 
 def _form(text: str) -> Form:
-    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.errors import UsageError, not_one_of
 
     forms: dict[str, Form] = {"npz": "npz", "fc2d": "fc2d", "fclib": "fclib"}
     if text not in forms:
-        raise UsageError(f"--form {text!r} is unknown: use one of {', '.join(forms)}")
+        raise UsageError(not_one_of("--form", text, forms))
     return forms[text]

@@ -96,6 +96,7 @@ def _append_summary(found: Comparison) -> None:
 
 def _show(found: Comparison, everything: bool) -> None:
     from ninedisk.harness.results.compare import headline, numbers, what, worth_showing
+    from ninedisk.harness.results.schema import short_variant
 
     out = console()
     for name, facts, runs in (("BASE", found.base, found.base_runs), ("HEAD", found.head, found.head_runs)):
@@ -105,7 +106,7 @@ def _show(found: Comparison, everything: bool) -> None:
         shown = table("", "case", "variant", "engine", "what", "base", "head", "change", "tolerance", "why",
                       right=("base", "head", "change", "tolerance"), whole=("", "engine", "base", "head", "change"))  # fmt: skip
         for change in changes if everything else changes[:MAX_ROWS]:
-            words = (change.verdict, change.case, change.variant, change.engine, what(change))
+            words = (change.verdict, change.case, short_variant(change.variant), change.engine, what(change))
             shown.add_row(*(printable(str(text)) for text in (*words, *numbers(change), change.reason[:200])))
         out.print(shown)
     if not everything and len(changes) > MAX_ROWS:

@@ -108,12 +108,14 @@ def converge(
 
 
 def _show(record: Mapping[str, Any]) -> None:
-    from ninedisk.harness.api.text import printable, short
+    from ninedisk.harness.api.text import printable, short, some
     from ninedisk.harness.run.converge import BAD
 
     out, steps = console(), record["steps"]
     out.print(printable(f"{record['case']} [{record['variant']}] on {record['engine']} {record['engine_version']}"))
-    out.print(f"{record['step']} = {steps[0]:.4g} {record['unit']}, halved {len(steps) - 1} times to {steps[-1]:.4g}")
+    out.print(
+        f"{record['step']} = {steps[0]:.4g} {record['unit']}, halved {some(len(steps) - 1, 'time')} to {steps[-1]:.4g}"
+    )
     declared = "none declared" if record["expected"] is None else f"{record['expected']:g}"
     out.print(printable(f"expected order: {declared} ({record['expected_why']})"))
     shown = table("", "quantity", "unit", "truth", "measured by", "coarsest", "finest", "order", "levels", "why",

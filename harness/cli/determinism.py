@@ -84,6 +84,7 @@ def determinism(
     """
     from ninedisk.harness.api.errors import StoreError
     from ninedisk.harness.api.registry import check_engine_ids, engines_that_load, get_engine
+    from ninedisk.harness.api.text import some
     from ninedisk.harness.results.schema import worse_than_promised
     from ninedisk.harness.results.store import prepare_store
     from ninedisk.harness.results.tables import plain_json
@@ -125,7 +126,7 @@ def determinism(
                 )
                 rows += found
     except KeyboardInterrupt:
-        fail(f"interrupted: {number} of {len(chosen)} engines are stored", INTERRUPTED)
+        fail(f"interrupted: stored {number} of {some(len(chosen), 'engine')}", INTERRUPTED)
     if json_file is not None:
         write_rows(json_file, rows)
     _show(rows)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import found_and_expected, printable
 from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, refuse_not_installed, write_rows
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.harness.terminal import console, share, table
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("findings", short_help="Tell which known findings are still there, gone or larger.")(findings)
+    app.command("findings", short_help="Check which known findings are there, gone or larger.")(findings)
 
 
 @guarded
@@ -230,11 +230,10 @@ def _known(found: Sequence[EvaluatedFinding]) -> None:
 def _details(found: Sequence[EvaluatedFinding]) -> None:
     out = console()
     for each in found:
-        numbers = (
-            f"{each.quantity} = {each.value:.6g} {each.unit} for {each.expected:.6g}"
-            if each.value == each.value
-            else each.quantity
-        )
+        numbers = each.quantity
+        if each.value == each.value:
+            found_value, wanted = found_and_expected(each.value, each.expected)
+            numbers = f"{each.quantity} = {found_value} {each.unit} for {wanted}"
         lines = {
             "what": each.what,
             "verdict": each.verdict + (f": {each.reason}" if each.reason else ""),

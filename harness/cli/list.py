@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.cli.support import Commands, guarded
+from ninedisk.harness.api.text import some
+from ninedisk.harness.cli.support import Commands, Group, guarded
+from ninedisk.harness.results.schema import short_variant
 from ninedisk.harness.terminal import console, table
 
 if TYPE_CHECKING:
@@ -21,9 +23,12 @@ if TYPE_CHECKING:
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    listing = typer.Typer(help="Show the cases and their parameters, and the engines.", no_args_is_help=True)
+    listing = typer.Typer(
+        cls=Group, help="Show the cases and their parameters, the engines, and the statuses.", no_args_is_help=True
+    )
     listing.command("cases", short_help="List the cases, or one with its parameters.")(list_cases)
     listing.command("engines", short_help="List the engines, or one with what it can express.")(list_engines)
+    listing.command("statuses", short_help="List the statuses and other verdicts, with their meaning.")(list_statuses)
     app.add_typer(listing, name="list")
 
 
@@ -68,6 +73,30 @@ def list_engines(
         show_engine(engine)
 
 
+@guarded
+def list_statuses() -> None:
+    """List the statuses of checks and cells: what each means, and the exit code of `ninedisk run`. Then the verdicts of other commands.
+
+    Pages, badges and stored files use the same words.
+
+    \b
+    Example:
+      ninedisk list statuses
+    """
+    from ninedisk.harness.results.statuses import TABLE, VERDICTS
+
+    out = console()
+    shown = table("status", "failure", "exit code", "meaning", right=("exit code",), whole=("status",))
+    for word, status in TABLE.items():
+        shown.add_row(word, "yes" if status.fails else "no", str(status.exit_code), status.meaning)
+    out.print(shown)
+    for name, words in VERDICTS.items():
+        shown = table(name, "meaning", whole=(name,))
+        for word, meaning in words.items():
+            shown.add_row(word, meaning)
+        out.print(shown)
+
+
 def show_cases() -> None:
     """Every case with its title, number of variants and, if it is not ours, the package it comes from."""
     shown = table("case", "variants", "what it is", right=("variants",), whole=("case", "variants"))
@@ -79,7 +108,7 @@ def show_cases() -> None:
             shown.add_row(case_id, "", f"broken: {error}" + _from(entry.origin))
     console().print(shown)
     _show_problems()
-    console().print(f"{len(case_table())} cases; one of them in full: ninedisk list cases CASE")
+    console().print(f"{some(len(case_table()), 'case')}; one of them in full: ninedisk list cases CASE")
 
 
 def _from(origin: str) -> str:
@@ -103,17 +132,25 @@ def show_case(case_id: str) -> None:
         out.print(line, markup=False, highlight=False)
     shown = table("parameter", "default", "unit", "allowed", "meaning")
     for p in case.parameters:
-        shown.add_row(p.name, format_value(p.default), p.unit or "-", allowed(p), p.help)
+        shown.add_row(p.name, _read(p.default), p.unit or "-", allowed(p), p.help)
     out.print(shown)
     first = case.parameters[0] if case.parameters else None
     variants = case.matrix()
-    out.print(f"{len(variants)} variants run by default:", markup=False, highlight=False)
+    out.print(f"{some(len(variants), 'variant')} run by default:", markup=False, highlight=False)
     for row in variants:
-        text = ", ".join(f"{name}={format_value(value)}" for name, value in row.items()) or "the defaults"
+        words = [short_variant(f"{name}={format_value(value)}") for name, value in row.items()]
+        text = ", ".join(words) or "the defaults"
         out.print(f"  {text}", markup=False, highlight=False)
     if first is not None:
         example = f"ninedisk run {case.id} --engine dem --set {first.name}={format_value(first.default)}"
         out.print(f"example: {example}", markup=False, highlight=False)
+
+
+def _read(value: object) -> str:
+    """A value to be read, not to be typed: a long number has four digits."""
+    from ninedisk.harness.api.params import format_value
+
+    return short_variant(f"={format_value(value)}").removeprefix("=")
 
 
 def show_engines() -> None:
@@ -132,7 +169,8 @@ def show_engines() -> None:
     for line in missing:
         out.print(line, markup=False, highlight=False)
     _show_problems()
-    out.print("What one can express and lacks, and its options: ninedisk list engines ENGINE")
+    count = some(len(engine_table()), "engine")
+    out.print(f"{count}; what one can express and lacks, and its options: ninedisk list engines ENGINE")
 
 
 def _show_problems() -> None:
@@ -179,7 +217,7 @@ def _show_info(info: EngineInfo, origin: str, chosen: Sequence[str]) -> None:
     state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
     lines = [
         f"{info.id}: {info.name}, {state}",
-        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {info.threads} thread(s)",
+        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {some(info.threads, 'thread')}",
         f"contacts: {info.contact}; scheme: {info.scheme}",
         f"install: {info.install}",
         f"from: {origin}",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import found_and_expected
+from ninedisk.harness.api.text import found_and_expected, some
 from ninedisk.harness.cli.support import (
     FAILURE,
     INTERRUPTED,
@@ -32,7 +32,15 @@ from ninedisk.harness.cli.support import (
     write_rows,
 )
 from ninedisk.harness.results.lacking import as_default, lacking, ranking_lines, reasons
-from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, has_no_value, row_tolerance
+from ninedisk.harness.results.schema import (
+    WIDE,
+    WORST_FIRST,
+    Row,
+    allowed_shares,
+    has_no_value,
+    row_tolerance,
+    short_variant,
+)
 from ninedisk.harness.terminal import console, share, table
 
 if TYPE_CHECKING:
@@ -180,7 +188,7 @@ def run(
     \b
     Exit codes:
       0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
-         known-difference, no-truth)
+         known-difference, no-truth); ninedisk list statuses explains these words
       1  the run is complete but some check failed, or passes that --known-gaps expects to fail
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written, a named engine
          that is not installed)
@@ -406,7 +414,7 @@ def show_summary(
         lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in rest[-left_out:]))}")
     lines += [*notes, *far]
     ran = [cell for cell in cells if cell["status"] not in _NOT_RUN]
-    lines.append(f"ran: {' on '.join(_some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
+    lines.append(f"ran: {' on '.join(some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
     if same := sum(as_default(cell) for cell in cells):
         lines[-1] += f"; {same} of the unsupported only repeat the default variant"
@@ -437,7 +445,7 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     if not worst:
         return []
     pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
-    pairs_of = f"{_some(len(pairs), 'pair')} of a case and an engine"
+    pairs_of = f"{some(len(pairs), 'pair')} of a case and an engine"
     lines = [f"farthest from the physics, of {pairs_of}, whatever the scheme:"]
     lines += [
         f"{share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
@@ -465,7 +473,7 @@ def _table(judged: Sequence[Row], *, narrow: bool = False) -> object:
     truth = [] if narrow else ["truth"]
     shown = table(*headers, *truth, right=numbers, whole=("status", "engine", *numbers, "truth"))
     for row in judged:
-        place = [row["case"], row["variant"]]
+        place = [row["case"], short_variant(row["variant"])]
         words = [
             row["status"],
             *([f"{place[0]} [{place[1]}]"] if narrow else place),
@@ -551,7 +559,7 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
     if sum(len(kinds) for kinds in found.values()) <= most:
         return [
             *(
-                f"{status}: {engine}, {_some(count, 'cell')}: {reason}"
+                f"{status}: {engine}, {some(count, 'cell')}: {reason}"
                 for status, kinds in sorted(found.items())
                 for (engine, reason), count in sorted(kinds.items(), key=lambda each: (each[0][0], -each[1], each[0]))
             ),
@@ -570,13 +578,9 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
                 [f"{same} only repeat the default variant"] if (same := sum(as_default(cell) for cell in cells)) else []
             )
             lines.append(
-                f"{status}: {_some(kinds.total(), 'cell')} on {', '.join(engines)}; lacking: {', '.join(words)}"
+                f"{status}: {some(kinds.total(), 'cell')} on {', '.join(engines)}; lacking: {', '.join(words)}"
             )
     return [*lines, *ranked]
-
-
-def _some(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _counts(counter: Counter[str]) -> str:

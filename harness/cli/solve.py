@@ -79,14 +79,14 @@ def solve(
     from ninedisk.core.cd.problem_files import read_problem
     from ninedisk.core.cd.settings import SolverOptions
     from ninedisk.core.cd.solvers.solver import SOLVERS
-    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.errors import UsageError, not_one_of
     from ninedisk.harness.results.whole_file import check_writable
 
     options = SolverOptions(tolerance=tolerance, time_limit=time_limit)
     if solver not in SOLVERS:
-        raise UsageError(f"--solver {solver!r} is unknown: use one of {', '.join(SOLVERS)}")
+        raise UsageError(not_one_of("--solver", solver, SOLVERS))
     if sliding not in ("coulomb", "associated"):
-        raise UsageError(f"--sliding {sliding!r} is unknown: use coulomb or associated")
+        raise UsageError(not_one_of("--sliding", sliding, ("coulomb", "associated")))
     rule: Sliding = "coulomb" if sliding == "coulomb" else "associated"
     if check and out is not None:
         raise UsageError("--check solves nothing, so that there is nothing for --out to write: give one of them")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from ninedisk.harness.api.text import printable, some
 from ninedisk.harness.cli.support import Store, guarded
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.terminal import console, table
@@ -37,7 +38,6 @@ def runs(store: Store = Path("results")) -> None:
       ninedisk runs
       ninedisk runs --store nightly
     """
-    from ninedisk.harness.api.text import printable
     from ninedisk.harness.results.schema import WORST_FIRST
     from ninedisk.harness.results.store import listed
 
@@ -79,7 +79,7 @@ def show(
         typer.Option(
             "--status",
             metavar="STATUS",
-            help="Only checks and cells of this status, or no-value: failures without a number; repeat for several.",
+            help="Only checks and cells of this status (ninedisk list statuses), or no-value: failures without a number. Repeat.",
         ),
     ] = None,
     store: Store = Path("results"),
@@ -97,14 +97,15 @@ def show(
       ninedisk show --status fail --status error --case 'nine-disk/*'
       ninedisk show --engine acme --status no-value
     """
-    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.errors import UsageError, close_matches, not_one_of
     from ninedisk.harness.cli.run import show_summary
     from ninedisk.harness.results.compare import newest_first, one_stored
     from ninedisk.harness.results.reader import cell_key, read_about, read_rows
     from ninedisk.harness.results.schema import NO_VALUE, STATUSES, has_no_value
 
     if unknown := sorted(set(status or ()) - {*STATUSES, NO_VALUE}):
-        raise UsageError(f"--status {unknown[0]!r} is unknown: use one of {', '.join((NO_VALUE, *STATUSES))}")
+        said = not_one_of("--status", unknown[0], (NO_VALUE, *STATUSES))
+        raise UsageError(f"{said}; `ninedisk list statuses` explains them")
     few = set(status) if status else set(STATUSES) - (set() if engine or case != "*" else {"pass"})
 
     def of(run_id: str, name: str) -> list[Row]:
@@ -116,14 +117,19 @@ def show(
     run_id = next((each for each in candidates if of(each, "cells")), None)
     wanted = f"--case {case} --engine {engine or 'ID'}"
     if run_id is None:
-        names = {
-            row["engine"]
+        held = [
+            (row["engine"], row["case"])
             for each in candidates
-            for row in read_rows(store, read_about(store, each), "cells", ["engine"])
-        }
+            for row in read_rows(store, read_about(store, each), "cells", ["engine", "case"])
+        ]
+        names, cases = ({pair[k] for pair in held} for k in (0, 1))
         where = "no run of the store has a" if which is None else f"the run {newest} has no"
+        near = "" if engine in names or engine is None else close_matches(engine, names)
+        near += "" if any(fnmatchcase(name, case) for name in cases) else close_matches(case, cases)
         out = "; leave RUN out for the newest run that has it" if which is not None else ""
-        raise UsageError(f"{where} cell of {wanted}; its engines: {', '.join(sorted(names))}{out}")
+        raise UsageError(
+            f"{where} cell of {wanted}; its engines: {', '.join(sorted(names))}{out}{'.' if near else ''}{near}"
+        )
     if run_id != newest:
         typer.echo(f"note: the newest run that has it is {run_id}; {newest} has no cell of {wanted}", err=True)
     cells, rows = of(run_id, "cells"), of(run_id, "measurements")
@@ -157,7 +163,7 @@ def merge(
     from ninedisk.harness.results.store import merge as merge_stores
 
     copied, present = merge_stores(sources, store)
-    typer.echo(f"{len(copied)} run(s) copied into {store}, {len(present)} already there")
+    typer.echo(f"{some(len(copied), 'run')} copied into {store}, {len(present)} already there")
 
 
 @guarded
@@ -201,7 +207,7 @@ def export(
     for path in files.values():
         if path is not None:
             write_export(rows, path)
-            typer.echo(f"{path}: {len(rows)} rows of {len(distinct)} run(s)")
+            typer.echo(f"{path}: {some(len(rows), 'row')} of {some(len(distinct), 'run')}")
 
 
 @guarded
@@ -229,7 +235,6 @@ def prune(
     from datetime import UTC, datetime
 
     from ninedisk.harness.api.errors import UsageError
-    from ninedisk.harness.api.text import printable
     from ninedisk.harness.results.store import prune as remove
     from ninedisk.harness.results.store import to_prune
 
@@ -245,4 +250,4 @@ def prune(
     if yes:
         remove(doomed)
     rest = "" if yes or not doomed else "; nothing was removed: add --yes"
-    typer.echo(f"{len(doomed)} run(s){rest}" if doomed else "nothing to remove")
+    typer.echo(f"{some(len(doomed), 'run')}{rest}" if doomed else "nothing to remove")

@@ -12,9 +12,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Annotated, NoReturn, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, ParamSpec, TypeVar
 
 import typer
+from typer.core import TyperGroup
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
@@ -53,6 +54,24 @@ UNUSABLE = frozenset(
     {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EISDIR, errno.EROFS}
 )
 """What the system says of a path that no command can use, whichever of them stumbles over it first."""
+
+
+class Group(TyperGroup):
+    """Commands that answer a misspelt name with names that come close, also those of commands one level below."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        from ninedisk.harness.api.errors import close_matches
+
+        name = args[0] if args else ""
+        if name and not name.startswith("-") and self.get_command(ctx, name) is None:
+            below = {
+                child: f"{parent} {child}"
+                for parent, command in self.commands.items()
+                for child in getattr(command, "commands", {})
+            }
+            near = close_matches(name, {**below, **dict.fromkeys(self.commands)}, below)
+            ctx.fail(f"there is no command {name!r}.{near} `{ctx.command_path} --help` lists all")
+        return super().resolve_command(ctx, args)
 
 
 def guarded(command: Callable[P, R]) -> Callable[P, R]:

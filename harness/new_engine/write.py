@@ -11,7 +11,7 @@ from pathlib import Path
 from string import Template
 
 import ninedisk
-from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.registry import engine_table
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -57,9 +57,10 @@ def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     if language is None:
         return FILES
     if language not in LANGUAGES:
+        hint = close_matches(language, LANGUAGES)
         raise UsageError(
             f"--language {language!r} is not allowed: use {', '.join(LANGUAGES)}, or leave it out for a package that is imported; "
-            f"in any other language the protocol is the same: docs/reference/wire-protocol.md"
+            f"in any other language the protocol is the same: docs/reference/wire-protocol.md{hint and '.'}{hint}"
         )
     file = LANGUAGES[language][0]
     return {

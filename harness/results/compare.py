@@ -17,7 +17,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
-from ninedisk.harness.api.text import duration, printable, short, times
+from ninedisk.harness.api.text import duration, printable, short, some, times
 from ninedisk.harness.results.error_rules import ERROR_RULE, error_of, judge_errors
 from ninedisk.harness.results.export import FORMATS, read_export
 from ninedisk.harness.results.reader import CellKey, moment, read_about, run_facts, run_ids
@@ -315,7 +315,7 @@ def _index(word: str, ids: list[str], store: Path) -> int:
         if not ids:
             raise UsageError(f"the store {str(store)!r} has no finished run: run `ninedisk run --store {store}` first")
         if back >= len(ids):
-            raise UsageError(f"{word!r} is too far back: the store {str(store)!r} has {len(ids)} finished run(s)")
+            raise UsageError(f"{word!r} is too far back: the store {str(store)!r} has {some(len(ids), 'finished run')}")
         return len(ids) - 1 - back
     found = [k for k, run_id in enumerate(ids) if run_id == word or (word and run_id.startswith(word))]
     if len(found) == 1 or word in ids:

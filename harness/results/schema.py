@@ -8,9 +8,12 @@ form here too, so that pages can be made of it.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from ninedisk.harness.results.statuses import TABLE, VERDICTS
 
 Row = dict[str, Any]
 """A row of a table, by column."""
@@ -23,21 +26,10 @@ SCHEMA_VERSION = 3
 OLDEST_SCHEMA = 1
 """Older runs than this cannot be read; those between lack columns, which are then empty."""
 
-STATUSES = (
-    "pass",
-    "fail",
-    "error",
-    "timeout",
-    "unsupported",
-    "not-installed",
-    "known-gap",
-    "gap-closed",
-    "known-difference",
-    "no-truth",
-)
+STATUSES = tuple(TABLE)
 """Every status that a cell or a measurement can have."""
 
-EXCUSED = frozenset({"pass", "unsupported", "not-installed", "known-gap", "known-difference", "no-truth", "gap-closed"})
+EXCUSED = frozenset(status for status, each in TABLE.items() if not each.fails)
 """Statuses that leave the exit code at 0."""
 
 WORST_FIRST = (
@@ -65,6 +57,11 @@ NO_VALUE = "no-value"
 def has_no_value(row: Mapping[str, Any]) -> bool:
     """Whether a check has no error to compare although its truth gives a number: the engine gives none, or NaN at some step."""
     return bool(row["status"] == "fail" and row["quantity"] and math.isnan(float(row["abs_error"])))
+
+
+def short_variant(name: str) -> str:
+    """A variant's id with its numbers cut to four digits, to be read and not to be typed."""
+    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda match: f"{float(match[0]):.4g}", name)
 
 
 def worst_status(statuses: Iterable[str]) -> str:
@@ -298,7 +295,7 @@ TABLES: dict[str, dict[str, str]] = {
 SINCE = {"headlines": 3}
 """Schema from which on a run has a table, where that is not the oldest one."""
 
-CHANGE_VERDICTS = ("worse", "suspect", "lost", "not-comparable", "better", "new", "same")
+CHANGE_VERDICTS = tuple(VERDICTS["compare"])
 """How something changed between two runs, what wants attention first."""
 
 
@@ -316,7 +313,7 @@ DETERMINISM_KINDS: dict[str, tuple[str, str]] = {
 }
 """Repetitions of a run, and what each should be at least: sums over contacts may be rounded otherwise where these come in another order."""
 
-DETERMINISM_VERDICTS = ("different", "broken", "round-off", "bitwise", "not applicable")
+DETERMINISM_VERDICTS = tuple(VERDICTS["determinism"])
 """Worst first."""
 
 DETERMINISM_COLUMNS: dict[str, str] = {
@@ -345,7 +342,7 @@ def worse_than_promised(row: Mapping[str, Any]) -> bool:
     return row["verdict"] in ("different", "broken") or (row["verdict"] == "round-off" and promised == "bitwise")
 
 
-FINDING_VERDICTS = ("larger", "gone", "there", "not-measured")
+FINDING_VERDICTS = tuple(VERDICTS["findings"])
 """What a store says of a finding, what wants attention first."""
 
 

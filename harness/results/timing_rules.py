@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.harness.api.text import some
 from ninedisk.harness.results.change_points import DEVIATION_OF_DEVIATION, FloatArray, chance_of_order, deviation
 from ninedisk.harness.results.schema import GATED_SECONDS, REFERENCE_SECONDS, Row, standard_seconds
 
@@ -139,7 +140,9 @@ def _verdict(
     if abs(move) > LEAST_GATED and (abs(move) > limit or ranked) and gates:
         return TimingVerdict("worse" if move > 0 else "better", *seconds, size)
     if move > near:
-        return TimingVerdict("suspect", *seconds, f"{size}, not beyond doubt with {len(base)} and {len(head)} run(s)")
+        return TimingVerdict(
+            "suspect", *seconds, f"{size}, not beyond doubt with {len(base)} and {some(len(head), 'run')}"
+        )
     return TimingVerdict("same", *seconds, "")
 
 

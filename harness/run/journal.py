@@ -2,7 +2,7 @@
 
 Each cell that ended with a result is appended to ``STORE/interrupted/<run>.journal`` at once; the file is removed when the run is stored.
 A cell is recognised by a digest of all that decides its result (`run_digest`, `cell_digest`): one of other code, versions, machine or
-scene is never taken. Cells that ended as an error or a time-out are not kept: they run again.
+scene is never taken. Cells that ended as an error or a timeout are not kept: they run again.
 
 A file is a sequence of records: length of the payload, digest of the cell, checksum, payload. The first has the digest of the run and no
 cell. A record that a kill has cut off, and all after a damaged one, are ignored. Payloads are JSON and the bytes of arrays, compressed:

@@ -18,7 +18,6 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Setup
 from ninedisk.harness.api.engine import EngineError, Timings
 from ninedisk.harness.api.text import found_and_expected
 from ninedisk.harness.results.schema import (
-    EXCUSED,
     HEADLINE_COLUMNS,
     MEASUREMENT_COLUMNS,
     USES,
@@ -26,6 +25,7 @@ from ninedisk.harness.results.schema import (
     tolerance,
     worst_status,
 )
+from ninedisk.harness.results.statuses import TABLE
 from ninedisk.harness.results.tables import CurveColumns, complete
 
 FloatArray = NDArray[np.float64]
@@ -448,7 +448,4 @@ def cell_verdict(measurements: Iterable[Mapping[str, Any]]) -> tuple[str, str]:
 
 def exit_code(statuses: Iterable[str]) -> int:
     """Exit code of a run over its cells' and measurements' statuses: 3 crash, 1 failed check, 0 all pass or excused."""
-    present = set(statuses)
-    if present & {"error", "timeout"}:
-        return 3
-    return 0 if present <= EXCUSED else 1
+    return max((TABLE[status].exit_code if status in TABLE else 1 for status in set(statuses)), default=0)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +17,9 @@ from ninedisk.harness.api.engine import Engine, EngineError, facts_of
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.params import format_value, parse, resolve
 from ninedisk.harness.api.registry import BrokenEntryError, get_case, get_engine
+
+FEW = 5
+"""Ids that a message names."""
 
 MOST_CONTACT_STEPS = 10**7
 """Contact steps of a run: fifty times what the longest variant of a matrix takes, a minute for a few disks."""
@@ -109,7 +113,12 @@ def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[st
     for full, value in options.items():
         engine_id, _, name = full.partition(".")
         if not name:
-            raise UsageError(f"the option {full!r} names no engine: write ENGINE.NAME, for instance siconos.theta")
+            having = _known_options(engines)
+            near = close_matches(full, having, having)
+            raise UsageError(
+                f"the option {full!r} names no engine: write ENGINE.NAME, for instance siconos.theta.{near} "
+                "`ninedisk list engines ENGINE` shows those of an engine"
+            )
         engine = engines.get(engine_id)
         if engine is None:
             get_engine(engine_id)
@@ -123,11 +132,23 @@ def check_options(engines: Mapping[str, Engine | Exception], options: Mapping[st
         if name not in known:
             names = ", ".join(f"{engine_id}.{each}" for each in known) or "none"
             raise UsageError(
-                f"the engine {engine_id!r} has no option {name!r}.{close_matches(name, known)} Its options: {names}"
+                f"the engine {engine_id!r} has no option {name!r}.{close_matches(name, known)} Its options: {names}; "
+                "`ninedisk list engines ENGINE` explains them"
             )
         option = known[name]
         checked = option.parsed(full, value) if isinstance(value, str) else option.checked(full, value)
         found.setdefault(engine_id, {})[full] = checked
+    return found
+
+
+def _known_options(engines: Mapping[str, Engine | Exception]) -> dict[str, str]:
+    """``ENGINE.NAME`` by name, of each option of the engines that can say so; of engines that share a name, the first."""
+    found: dict[str, str] = {}
+    for engine_id, engine in engines.items():
+        if not isinstance(engine, Exception):
+            with suppress(Exception):
+                for name in facts_of(engine).options:
+                    found.setdefault(name, f"{engine_id}.{name}")
     return found
 
 
@@ -259,7 +280,12 @@ def _refuse_unknown(cases: Sequence[Case], overrides: Mapping[str, Any]) -> None
     for name in overrides:
         lacking = [case.id for case in cases if name not in {parameter.name for parameter in case.parameters}]
         if len(lacking) == len(cases):
-            raise UsageError(f"none of the cases {', '.join(lacking)} has a parameter {name!r}")
+            near = close_matches(name, {parameter.name for case in cases for parameter in case.parameters})
+            some = f"{', '.join(lacking[:FEW])}{', ...' if len(lacking) > FEW else ''}"
+            raise UsageError(
+                f"none of the {len(lacking)} cases ({some}) has a parameter {name!r}.{near} "
+                "`ninedisk list cases CASE` shows those of a case"
+            )
         if lacking:
             having = [case.id for case in cases if case.id not in lacking]
             raise UsageError(

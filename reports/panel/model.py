@@ -18,6 +18,7 @@ import numpy as np
 
 from ninedisk.harness.results.figures import Figure, figures_from_text
 from ninedisk.harness.results.schema import WIDE, WORST_FIRST, Row, allowed_shares, row_tolerance, worst_status
+from ninedisk.harness.results.statuses import TABLE
 from ninedisk.reports.panel import text
 from ninedisk.reports.panel.load import Curve, Series, Stored, differences
 from ninedisk.reports.panel.text import Slugs, as_float, decoded, shade, symbol
@@ -114,7 +115,7 @@ class CaseData:
         return frozenset(cell["engine"] for cell in self.cells if cell["status"] in WRONG)
 
 
-WRONG = ("fail", "error", "timeout")
+WRONG = tuple(status for status, each in TABLE.items() if each.fails)
 """Statuses of an engine that is no measure for others: it ranks after all that pass, however small the errors of its headlines."""
 
 
@@ -144,17 +145,17 @@ class Summary:
 
     @property
     def fails(self) -> int:
-        """Number of failing checks."""
+        """Number of cells in which a check fails."""
         return dict(self.counts).get("fail", 0)
 
     @property
     def wrong(self) -> str:
-        """What is `WRONG` with it in words, "3 checks fail"; "" where nothing is."""
+        """What is `WRONG` with it in words, "3 variants fail"; "" where nothing is."""
         counts = dict(self.counts)
         words = {
-            "fail": ("check fails", "checks fail"),
+            "fail": ("variant fails", "variants fail"),
             "error": ("error", "errors"),
-            "timeout": ("time-out", "time-outs"),
+            "timeout": ("timeout", "timeouts"),
         }
         return ", ".join(f"{counts[each]} {words[each][counts[each] != 1]}" for each in WRONG if counts.get(each))
 
@@ -194,16 +195,13 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
         return None
     rated = [row for row in measurements if is_rated(row)]
     counted = [row for row in rated if row["status"] not in EXPLAINED]
-    told = {id(cell): _told(cell, measurements) for cell in cells}
-    counts = Counter(told.values())
+    counts = Counter(str(cell["status"]) for cell in cells)
     order = {status: k for k, status in enumerate(WORST_FIRST)}
     tried = [cell for cell in cells if cell["status"] not in NOT_TRIED]
     times = [time for cell in cells if math.isfinite(time := as_float(cell.get("advance_s")))]
     support = {cell["support"] for cell in tried or cells if cell["support"]}
     return Summary(
-        status=worst_status(
-            "pass" if told[id(cell)] == text.SOURCE_WRONG else cell["status"] for cell in tried or cells
-        ),
+        status=worst_status(cell["status"] for cell in tried or cells),
         counts=tuple(sorted(counts.items(), key=lambda item: order.get(item[0], -1))),
         support=tuple(sorted(support, key=lambda word: SUPPORT.index(word) if word in SUPPORT else -1)),
         worst=worst_first(counted)[0] if counted else None,
@@ -214,19 +212,6 @@ def summarise(cells: list[Row], measurements: list[Row]) -> Summary | None:
         penetration=largest_number(as_float(cell.get("penetration")) for cell in cells),
         seconds=median(times) if times else math.nan,
     )
-
-
-def contradicts_print(row: Row) -> bool:
-    """Whether a measurement is a known gap to a printed number: the source is off there, not the engine."""
-    return bool(row["status"] == "known-gap" and row["truth"] == "published")
-
-
-def _told(cell: Row, measurements: list[Row]) -> str:
-    """A cell's status; `text.SOURCE_WRONG` of a known gap that printed numbers alone are to blame for."""
-    own = [row for row in measurements if row.get("variant") == cell.get("variant")]
-    gaps = [row for row in own if row["status"] == "known-gap"]
-    blameless = bool(gaps) and all(map(contradicts_print, gaps)) and any(row["status"] == "pass" for row in own)
-    return text.SOURCE_WRONG if cell["status"] == "known-gap" and blameless else str(cell["status"])
 
 
 def is_wide(row: Row) -> bool:

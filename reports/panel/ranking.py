@@ -303,7 +303,7 @@ def reasons(cells: Sequence[Row], measurements: Sequence[Row], far: Sequence[str
         told[f"{failed[0]['quantity']} fails: {failed[0]['reason']}{more}"] = None
     for row in measurements:
         if row["status"] == "known-difference":
-            told[f"known difference {row['reason']}"] = None
+            told[f"known-difference: {row['reason']}"] = None
     for row in measurements:
         if row["variant"] in far and row["truth"] == "exact-step" and row["status"] == "pass":
             told[f"its scheme says so, and it meets that scheme's exact solution: {row['source']}"] = None

@@ -9,6 +9,9 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
+from ninedisk.harness.results.schema import short_variant as short_variant
+from ninedisk.harness.results.statuses import TABLE
+
 NOTHING = "—"
 """What stands for a number that is missing, not a number or infinite."""
 
@@ -79,11 +82,6 @@ def some(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
-def short_variant(name: str) -> str:
-    """A variant's id with its numbers cut to four digits."""
-    return re.sub(r"(?<==)-?\d+\.\d{5,}(?=,|$)", lambda m: f"{float(m[0]):.4g}", name)
-
-
 def seconds(value: Any) -> str:
     """A wall-clock duration with its unit."""
     x = as_float(value)
@@ -131,33 +129,8 @@ class Slugs:
         return self._slug[name]
 
 
-SOURCE_WRONG = "the source is contradicted"
-"""What pages call a known gap that is none of the engine's: a printed number that a better truth contradicts."""
-
-STATUS_SYMBOL = {
-    "pass": "✓",
-    "fail": "✗",
-    "error": "‼",
-    "timeout": "◷",
-    "unsupported": "○",
-    "not-installed": "∅",
-    "known-gap": "△",
-    "gap-closed": "▲",
-    "known-difference": "≠",
-    "no-truth": "?",
-}
-STATUS_MEANING = {
-    "pass": "every checked quantity lies within its tolerance",
-    "fail": "a checked quantity lies outside its tolerance",
-    "error": "the engine broke",
-    "timeout": "the engine was stopped at its limit of CPU time or of idle time",
-    "unsupported": "the engine lacks a capability that the case needs",
-    "not-installed": "the engine is not on the machine that ran the cases",
-    "known-gap": "outside a truth that is itself known to be off; the reason is given",
-    "gap-closed": "within a truth that is known to be off: the recorded reason no longer holds",
-    "known-difference": "outside its tolerance, as far as a declared difference of the engine (a finding) explains",
-    "no-truth": "nothing to compare with",
-}
+STATUS_SYMBOL = {status: each.symbol for status, each in TABLE.items()}
+STATUS_MEANING = {status: each.meaning for status, each in TABLE.items()}
 VERDICT_SYMBOL = {"confirmed": "✓", "contradicted": "✗", "undecided": "?"}
 SUPPORT_PIPS = {"exact": "●●●", "equivalent": "●●○", "approximate": "●○○", "no": "○○○"}
 SUPPORT_MEANING = {
@@ -203,7 +176,7 @@ def slower_shade(factor: float) -> str:
 
 def symbol(word: str) -> str:
     """Symbol of a status or verdict; ``‼`` for one that this version does not know."""
-    return "§" if word == SOURCE_WRONG else STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
+    return STATUS_SYMBOL.get(word) or VERDICT_SYMBOL.get(word) or "‼"
 
 
 PAIR_SHADES = (

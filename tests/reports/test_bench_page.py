@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from ninedisk.harness.bench.records import new_row
+from ninedisk.harness.results.statuses import VERDICTS
 from ninedisk.reports.bench import charts, write_bench
 from ninedisk.reports.drawing.race import races
 
@@ -91,6 +92,8 @@ def test_a_page_of_many_rows_names_every_problem(tmp_path: Path) -> None:
     page = page_of(many_rows(), tmp_path)
     for each in many_rows():
         assert each["problem"] in page
+    for word, meaning in VERDICTS["bench"].items():
+        assert f"<dt>{word}</dt><dd>{meaning}" in page
 
 
 def test_the_page_draws_its_charts_alone_and_silently(tab: Any, tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def pages(panel_report):
 
 
 def test_every_link_leads_to_a_file_of_the_report(panel_report, pages):
-    assert len(pages) == 2 + 6 + 6
+    assert len(pages) == 3 + 6 + 6
     for path, page in pages.items():
         for link in page.links:
             parts = urlsplit(link)

@@ -125,14 +125,14 @@ def outcome(passed: int, judged: int, *, failed: int = 0, broken: tuple[str, ...
 @pytest.mark.parametrize(
     ("held", "left", "colour", "words"),
     [
-        (outcome(2609, 2750, broken=("timeout",), cells=88), 0, "green", "87 of 88 cells run, 1 time-out"),
+        (outcome(2609, 2750, broken=("timeout",), cells=88), 0, "green", "87 of 88 cells run, 1 timeout"),
         (outcome(410, 585), 0, "amber", "410 of 585 checks pass"),
         (outcome(100, 100), 11, "amber", "10 of 21 cells run"),
-        (outcome(999, 1000, failed=1), 0, "amber", "999 of 1000 checks pass"),
+        (outcome(999, 1000, failed=1), 0, "amber", "999 of 1000 checks pass, 1 fail"),
         (outcome(98, 100, failed=2), 0, "red", "98 of 100 checks pass"),
         (outcome(50, 100), 0, "red", "50 of 100 checks pass"),
         (outcome(100, 100, broken=("error",)), 0, "red", "1 error"),
-        (outcome(0, 0, broken=("timeout", "timeout")), 0, "red", "2 time-outs"),
+        (outcome(0, 0, broken=("timeout", "timeout")), 0, "red", "2 timeouts"),
     ],
 )
 def test_a_badge_colour_is_that_of_passes_failures_and_coverage(held, left, colour, words):

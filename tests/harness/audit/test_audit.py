@@ -20,6 +20,7 @@ from ninedisk.core.dem.files import FrameWriter
 from ninedisk.harness.audit.example import write_example
 from ninedisk.harness.audit.read import Rounding, _Tokens
 from ninedisk.harness.cli.app import app
+from ninedisk.harness.results.statuses import VERDICTS
 
 Edit = Callable[[pd.DataFrame], pd.DataFrame]
 G = 9.81
@@ -399,6 +400,7 @@ def test_the_page_holds_verdicts_and_the_place(begin: Path, tmp_path: Path) -> N
     write(lost(edit(pd.read_csv(file))), file)
     assert ninedisk("audit", str(file), "--out", str(tmp_path / "page")).exit_code == 1
     page = (tmp_path / "page" / "index.html").read_text()
+    assert all(f"<dt>{word}</dt><dd>{meaning}" in page for word, meaning in VERDICTS["audit"].items())
     record = json.loads((tmp_path / "page" / "audit.json").read_text())
     assert page.index('id="motion"') < page.index('id="verdicts"')
     assert 'class="marked"' in page

@@ -122,7 +122,7 @@ def test_runs(stores: Path, here: Path) -> None:
 
 
 def test_merge_and_prune(stores: Path, here: Path) -> None:
-    assert "4 run(s) copied into all, 0 already there" in ninedisk("merge", stores / "same", "--store", "all").stdout
+    assert "4 runs copied into all, 0 already there" in ninedisk("merge", stores / "same", "--store", "all").stdout
     ids = run_ids(here / "all")
     dry = ninedisk("prune", "--keep", "1", "--store", "all")
     assert dry.stdout.count("would remove") == 3

@@ -12,8 +12,9 @@ from typer.testing import CliRunner, Result
 
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.params import allowed, format_value
-from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, get_case, get_engine
-from ninedisk.harness.cli.app import app
+from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, engine_table, get_case, get_engine
+from ninedisk.harness.api.text import some
+from ninedisk.harness.cli.app import FIRST, MORE, app
 
 
 def ninedisk(*arguments: str) -> Result:
@@ -82,7 +83,7 @@ def test_one_case_in_full(case_id: str) -> None:
             assert word, parameter.name
         assert parameter.name in done.stdout
         assert allowed(parameter)
-    assert f"{len(case.matrix())} variants run by default" in done.stdout
+    assert f"{some(len(case.matrix()), 'variant')} run by default" in done.stdout
 
 
 @pytest.mark.parametrize("words", commands())
@@ -107,6 +108,93 @@ def test_help_documents_every_argument_and_option(words: str) -> None:
         assert squeezed(said)[:24] in squeezed(text), f"{words}: {parameter.name}"
     for child in getattr(command, "commands", {}):
         assert child in text
+
+
+LEVELS = ("list", "run", "report", "check-engine", "audit", "compare", "converge", "findings", "bench", "new-engine")
+
+
+def test_the_first_help_explains_ten_commands_and_names_the_others() -> None:
+    done = ninedisk("--help")
+    first, more = done.stdout.split("\nCommands:\n")[1].split("\nMore ")
+    shown = [line.split() for line in first.splitlines() if re.match(r"  \S", line)]
+    assert [words[0] for words in shown] == list(LEVELS)
+    assert all(len(words) > 3 for words in shown), "each with what it does"
+    others = [words for words in commands() if words and " " not in words and words not in LEVELS]
+    named = re.findall(r"[a-z-]+", " ".join(line.split("  ")[-1] for line in more.splitlines()[1:]))
+    assert sorted(named) == sorted(others)
+    assert set(FIRST) | {name for names in MORE.values() for name in names} == {*LEVELS, *others}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ("rum", "Did you mean 'run'"),
+        ("rum", "`ninedisk --help` lists all"),
+        ("cases", "Did you mean 'list cases'"),
+        ("list engine", "Did you mean 'engines'"),
+        ("list engine", "`ninedisk list --help` lists all"),
+        ("cd-problems mak", "Did you mean 'make'"),
+        ("run binary-colision", "Did you mean 'binary-collision'"),
+        ("run binary-colision", "`ninedisk list cases` shows all"),
+        ("run binary-collision -e pymnk", "Did you mean 'pymunk'"),
+        ("run binary-collision -e pymnk", "`ninedisk list engines` shows all"),
+        ("run binary-collision -e dem --set kidn=plastic", "Did you mean 'kind'"),
+        ("run binary-collision -e dem --set kidn=plastic", "`ninedisk list cases binary-collision`"),
+        ("run binary-collision -e dem --set kind=plastc", "Did you mean 'plastic'"),
+        ("run impact/* -e dem --set restituton=1", "Did you mean 'restitution'"),
+        ("run impact/* -e dem --set restituton=1", "`ninedisk list cases CASE` shows"),
+        ("run * -e dem --set no_such=1", ", ...) has a parameter"),
+        ("run binary-collision -e pymunk --option iteratons=3", "Did you mean 'pymunk.iterations'"),
+        ("run binary-collision -e pymunk --option iteratons=3", "`ninedisk list engines ENGINE` shows"),
+        ("run binary-collision -e pymunk --option pymunk.iteratons=3", "Did you mean 'iterations'"),
+        ("run binary-collision -e pymunk --option pymunk.iteratons=3", "`ninedisk list engines ENGINE` explains"),
+        ("run binary-collision -e pymunk --option pymnk.iterations=3", "Did you mean 'pymunk'"),
+        ("converge binary-colision", "Did you mean 'binary-collision'"),
+        ("converge binary-collision -e pymnk", "Did you mean 'pymunk'"),
+        ("request binary-collision --set kidn=plastic", "Did you mean 'kind'"),
+        ("check-engine pymnk", "Did you mean 'pymunk'"),
+        ("determinism -e pymnk", "Did you mean 'pymunk'"),
+        ("list cases binary-colision", "Did you mean 'binary-collision'"),
+        ("list engines pymnk", "Did you mean 'pymunk'"),
+        ("show --status known-gpa", "Did you mean 'known-gap'"),
+        ("show --status known-gpa", "`ninedisk list statuses` explains them"),
+        ("bench flwo", "Did you mean 'flow'"),
+        ("solve x.npz --solver interior-pont", "Did you mean 'interior-point'"),
+        ("solve x.npz --sliding coulmb", "Did you mean 'coulomb'"),
+        ("cd-problems make --family settlng", "Did you mean 'settling'"),
+        ("cd-problems make --form fclb", "Did you mean 'fclib'"),
+        ("new-engine x --language javscript", "Did you mean 'javascript'"),
+        ("selftest --only dem/torqe-sign", "Did you mean 'dem/torque-sign'"),
+        ("run --enigne dem", "--engine"),
+    ],
+)
+def test_what_is_misspelt_gets_near_names_and_the_way_out(
+    arguments: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = ninedisk(*arguments.split())
+    assert done.exit_code == 2, done.output
+    assert said in " ".join(done.stderr.split())
+    assert "Traceback" not in done.output
+    assert len(done.stderr) < 6000
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_is_singular() -> None:
+    one = next(case_id for case_id in BUILTIN_CASES if len(get_case(case_id).matrix()) == 1)
+    assert "\n1 variant run by default" in ninedisk("list", "cases", one).stdout
+    engine = ninedisk("list", "engines", "dem").stdout
+    assert "1 thread\n" in engine
+    assert f"\n{len(engine_table())} engines; " in ninedisk("list", "engines").stdout
+
+
+def test_tables_have_short_numbers_and_commands_have_all_digits() -> None:
+    shown = ninedisk("list", "cases", "binary-collision").stdout
+    assert re.search(r"^ mass +3\.142 ", shown, re.MULTILINE)
+    variants = ninedisk("list", "cases", "nine-disk/distortion").stdout
+    assert "ks_over_kn=0.6667" in variants
+    longest = max(len(digits) for digits in re.findall(r"\d\.(\d+)", variants.partition("example:")[0]))
+    assert longest <= 5
 
 
 @pytest.mark.tree

@@ -102,7 +102,7 @@ def test_what_a_solver_had_when_it_gave_up_is_judged(tmp_path: Path) -> None:
     ("flags", "said"),
     [
         (("--solver", "best"), "--solver 'best' is unknown: use one of auto"),
-        (("--sliding", "free"), "use coulomb or associated"),
+        (("--sliding", "free"), "use one of coulomb, associated"),
         (("--tolerance", "0"), "tolerance = 0.0 is not allowed"),
         (("--time-limit", "-1"), "time_limit = -1.0 is not allowed"),
         (("--check",), "holds no solution to check"),

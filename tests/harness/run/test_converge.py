@@ -24,6 +24,7 @@ from ninedisk.harness.cases.matched import with_slip_at
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.cd.adapter import CdEngine
 from ninedisk.harness.engines.dem.adapter import DemEngine
+from ninedisk.harness.results.statuses import VERDICTS
 from ninedisk.harness.run.converge import ObservedOrder, converge, judge_order
 
 SMALL = {"settle_cycles": 0, "cycles": 60}
@@ -213,6 +214,8 @@ def test_command_writes_table_json_and_a_page_without_network(tmp_path: Path) ->
     rows = {row["quantity"]: row for row in json.loads(record.read_text())["rows"]}
     assert rows["x"]["order"] == pytest.approx(1.0, abs=1e-6)
     html = page.read_text()
+    for word, meaning in VERDICTS["converge"].items():
+        assert f"<dt>{word}</dt><dd>{meaning}" in html.replace("&#39;", "'")
     assert '<figure class="chart"' in html
     assert not re.search(r"(?:src|href)=\"(?!data:|#)", html)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["orders.html", "orders.json"]

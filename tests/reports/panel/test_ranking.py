@@ -142,7 +142,7 @@ def test_a_wrong_engine_is_never_closest(tmp_path, write, small, status):
     assert ranked.farthest.engine.id == "right"
     assert (
         ranked.engines[1].summary.wrong
-        == {"fail": "1 check fails", "error": "1 error", "timeout": "1 time-out"}[status]
+        == {"fail": "1 variant fails", "error": "1 error", "timeout": "1 timeout"}[status]
     )
     [sliding] = [use for use in uses(panel) if use.id == "sliding"]
     assert (
