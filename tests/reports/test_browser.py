@@ -48,7 +48,7 @@ def open_case(tab, report, name="incline-block", **options):
 @pytest.mark.parametrize("width", WIDTHS)
 def test_every_page_is_drawn_without_horizontal_scroll(quiet, panel_report, width):
     pages = sorted(panel_report.rglob("*.html"))
-    assert len(pages) == 14
+    assert len(pages) == 15
     for page in pages:
         quiet.open(page, width)
         if page.parent.name == "case":
