@@ -321,8 +321,13 @@ def _collect(
         atol[f"apex_{k}"] = errors[k].speed * (fastest[k] + errors[k].speed) / g
         atol[f"apex_time_{k}"] = errors[k].time + errors[k].speed / g
     complete = len(height) == params["bounces"] + 1
-    if 0.0 < params["restitution"] < 1.0 and complete:
-        above = rest_level(params)
+    above = rest_level(params)
+    # A flight that is hardly higher than the level may pass it between two samples, or stay below it by the step's error.
+    if (
+        0.0 < params["restitution"] < 1.0
+        and complete
+        and height[-1] - above > g * dt**2 + atol[f"apex_{len(height) - 1}"]
+    ):
         scalars["rest_time"] = float(top[-1] + math.sqrt(2.0 * (height[-1] - above) / g))
         # As late as the flight, and as its parabola, met at the level with this slope, is high.
         steep = math.sqrt(2.0 * g * (height[-1] - above))
