@@ -151,8 +151,9 @@ def test_commands_of_the_guides_run(lines: tuple[str, ...], tmp_path: Path, monk
 @pytest.mark.parametrize("path", ALONE, ids=lambda path: path.name)
 def test_programs_of_the_guides_run(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    names = {"__name__": "guide"}  # a page's programs go on from each other
     for code in blocks(path, "python"):
-        exec(compile(code, path.name, "exec"), {"__name__": "guide"})
+        exec(compile(code, path.name, "exec"), names)
     assert list(tmp_path.iterdir()) == [], "an example leaves files behind"
 
 
