@@ -222,6 +222,26 @@ def _angular_momentum() -> Answer:
     return "angular momentum" in text, "said" if "angular momentum" in text else "not said"
 
 
+@fault("N2", "a packing whose upper half is 1e6 times heavier is solved, and its walls bear the weight")
+def _heavy_on_light() -> Answer:
+    law = ContactLaw(kn=1e8, ks=1e8, mu=0.4, restitution=0.0, regularised=True)
+    x = [(0.5 + k, 0.5 + row) for row in range(8) for k in range(6)]
+    mass = np.where(np.array(x)[:, 1] > 4.0, 1e6, 1.0)
+    sides = (("floor", (0.0, 0.0), (0.0, 1.0)), ("left", (0.0, 0.0), (1.0, 0.0)), ("right", (6.0, 0.0), (-1.0, 0.0)))
+    scene = Scene(
+        disks=disks_of(x=x, radius=0.5, mass=mass),
+        disk_disk=law,
+        walls=tuple(Wall(name=name, point=point, normal=normal, law=law) for name, point, normal in sides),
+        gravity=(0.0, -9.81),
+    )
+    numerics = Numerics(dt=1e-3, n_steps=3, sliding="coulomb")
+    message, history = attempted(scene, numerics, method="cd")
+    if history is None:
+        return False, message
+    share = abs(float(history.wall_force[-1, :, 1].sum())) / (9.81 * float(mass.sum()))
+    return abs(share - 1.0) < 1e-8, f"walls bear {share:.9f} of the weight"
+
+
 @fault("R2", "a disk that touches its own image: stress kn (2R - L)/Ly")
 def _own_image() -> Answer:
     kn, edge, height = 1e5, 1.9, 5.0

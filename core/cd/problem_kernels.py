@@ -31,7 +31,7 @@ SUMMED = 0.25
 larger than itself where light bodies bear heavy ones."""
 
 EXPLAINED = 1e-8
-"""Largest figure that round-off may explain: contacts with bodies of 1 and of 1e6 need 1e-9."""
+"""Largest figure that round-off may explain: a packing with bodies of 1 and of 1e6 needs 5e-9."""
 
 UNRESOLVED = 1e-3
 """Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""

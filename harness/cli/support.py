@@ -126,7 +126,7 @@ class CellProgress:
     Parameters
     ----------
     before : int
-        Pieces that were done before, from which nothing can be told about how long the others take.
+        Pieces that were done before; the estimate of the remaining time leaves them out.
     """
 
     def __init__(self, before: int = 0) -> None:

@@ -290,7 +290,7 @@ class Journal:
             self._stream = None
 
     def left(self) -> str:
-        """End the journal of an interrupted run, whose file stays; what is told of it."""
+        """Close the journal of an interrupted run, whose file stays; return what to report of it."""
         self._close()
         if not self._count:
             return "interrupted: nothing was stored"

@@ -86,7 +86,7 @@ def resident(pid: int, *, children: bool = True) -> int:
 
 
 def too_much(held: float, limit: float) -> str:
-    """What is told of an engine that was stopped."""
+    """Words for an engine that was stopped for its memory."""
     return (
         f"was stopped because it held {held / 1e9:.3g} GB of memory, more than the limit of {limit / 1e9:.3g} GB "
         f"(ninedisk run --memory-limit, or {MEMORY_VARIABLE}, allow more)"

@@ -179,6 +179,8 @@ class Holding:
             series, load = (LAYERS, 1.0) if kind in PYRAMIDS else (ROW, MU["row"])
             sinks = 2.0 * series * load * len(setup.scene.disks) * weight / setup.scene.disk_disk.kn
             why = f"contact springs loaded at once, {series} in series, each by no more than all disks"
+        if rounded.decides:
+            why += "; no truth in single precision: rounding alone decides what holds"
         moved = Check(
             quantity="moved",
             expected=np.where(rounded.decides, np.nan, zero),

@@ -75,7 +75,7 @@ class InclineBlock:
     title = "Block on an incline"
     beside_headlines = (
         ("vx*", "a speed that is reported half a step late moves no place; the distance is what speeds add up to"),
-        ("dilation", "as speeds"),
+        ("dilation", "the rate of the gap is reported half a step late as the speed is, and moves no place"),
         ("gap*", "the sign of an overlap that is reported moves nothing"),
     )
     source = "appendix A.3.4 of Lim's thesis, (A.7), figures A.17-A.26"

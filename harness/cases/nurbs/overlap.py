@@ -16,7 +16,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Norm, Observe
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, series
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.nurbs.grains import disk_gap, grains, uniform
-from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap
+from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap, ellipse_separation
 
 KN, DENSITY = 1e4, 1000.0
 
@@ -170,7 +170,9 @@ def grade_of(pair: int) -> str:
 
 
 def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> FloatArray:
-    """True gaps [m] of the pairs where the engine's grains are, shape of ``history.gap``; of ellipses that are apart no less than 0."""
+    """True gaps [m] of the pairs where the engine's grains are, shape of ``history.gap``; of ellipses that are apart any from 0 on, and
+    NaN where they overlap in another way than in two points.
+    """
     if params["shape"] == "disk":
         return np.column_stack([disk_gap(setup, history, column) for column in range(len(history.pairs))])
     disks, axes = setup.scene.disks, AXES["ellipse"]
@@ -182,7 +184,8 @@ def expected_gaps(params: Mapping[str, Any], setup: Setup, history: History) -> 
             try:
                 found[row, column] = -_overlap(one, two)
             except ValueError:  # an engine's grains may be apart where they ought to graze: any distance is right then
-                found[row, column] = max(float(history.gap[row, column]), 0.0)
+                if ellipse_separation(one, two) >= 0.0:
+                    found[row, column] = max(float(history.gap[row, column]), 0.0)
     return found
 
 

@@ -83,6 +83,28 @@ def ellipse_overlap(one: Ellipse, two: Ellipse) -> float:
     return one.support(normal) + two.support(normal) - float(between @ normal)
 
 
+def ellipse_separation(one: Ellipse, two: Ellipse) -> float:
+    """Largest distance [m] between two parallel lines that part the ellipses; below 0 where they overlap, by what none can part.
+
+    Of two convex bodies this is their distance if they are apart (separating axis theorem).
+
+    Examples
+    --------
+    >>> small, large = Ellipse(1.0, 1.0, (0.0, 0.0), 0.0), Ellipse(2.0, 2.0, (3.0, 4.0), 0.3)
+    >>> round(ellipse_separation(small, large), 12)
+    2.0
+    """
+    between = np.array(two.centre) - np.array(one.centre)
+
+    def overlap(angle: float) -> float:
+        normal = np.array([math.cos(angle), math.sin(angle)])
+        return one.support(normal) + two.support(normal) - float(between @ normal)
+
+    grid = np.linspace(0.0, 2.0 * math.pi, SAMPLES, endpoint=False)
+    nearest = float(grid[np.argmin([overlap(float(angle)) for angle in grid])])
+    return -overlap(_lowest(overlap, nearest, 2.0 * math.pi / SAMPLES))
+
+
 def _lowest(level: Callable[[float], float], middle: float, width: float) -> float:
     """Place of the smallest value within ``width`` of ``middle``, by golden sections."""
     low, high = middle - width, middle + width

@@ -116,3 +116,33 @@ def test_contradictory_prescribed_motion_is_an_error() -> None:
     for numerics in ({"regime": "quasi-static"}, {"regime": "dynamic"}, {"regime": "dynamic", "sliding": "coulomb"}):
         with pytest.raises(InvalidSceneError, match=r"step 1 .*no motion satisfies the rigid contacts"):
             statics(squeezed, **numerics)
+
+
+@pytest.mark.parametrize("sliding", ["associated", "coulomb"])
+@pytest.mark.parametrize("heavier", [1e3, 1e6])
+def test_light_disks_bear_heavy_ones(heavier: float, sliding: str) -> None:
+    """The velocity of a light disk is a sum of velocities that heavy loads would give it: known to round-off of these alone.
+
+    What no rounding excuses: walls bear the whole weight, nothing moves by more than a part in 1e6 of a fall in a step.
+    """
+    n, radius, gravity, dt = 6, 0.5, 9.81, 1e-3
+    x = np.array(
+        [
+            [radius * (1.0 + 2.0 * k + row % 2), radius * (1.0 + math.sqrt(3.0) * row)]
+            for row in range(n)
+            for k in range(n - row % 2)
+        ]
+    )
+    mass = np.where(x[:, 1] > np.median(x[:, 1]), heavier, 1.0)
+    sides = (((0.0, 0.0), (1.0, 0.0)), ((2.0 * radius * n, 0.0), (-1.0, 0.0)))
+    walls = [Wall(name=f"side {k}", point=point, normal=normal, law=RIGID) for k, (point, normal) in enumerate(sides)]
+    scene = Scene(
+        disks=Disks(x=x, radius=radius, mass=mass),
+        disk_disk=RIGID,
+        walls=(floor(RIGID), *walls),
+        gravity=(0.0, -gravity),
+    )
+    history = simulate(scene, Numerics(dt=dt, n_steps=3, sliding=sliding), method="cd")  # type: ignore[arg-type]
+    weight = gravity * float(mass.sum())
+    assert abs(float(history.wall_force[-1, :, 1].sum())) == pytest.approx(weight, rel=1e-8)
+    assert float(np.abs(history.v[-1]).max()) < 1e-6 * gravity * dt

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -18,8 +19,10 @@ from ninedisk.harness.cases.nine_disk.compression import CASE as COMPRESSION
 from ninedisk.harness.cases.nine_disk.distortion import CASE as DISTORTION
 from ninedisk.harness.cases.nurbs.collision import CASE as COLLISION
 from ninedisk.harness.cases.nurbs.overlap import CASE as OVERLAP
+from ninedisk.harness.cases.nurbs.overlap import expected_gaps
 from ninedisk.harness.cases.nurbs.settle import CASE as SETTLE
 from ninedisk.harness.engines.dem.adapter import ENGINE
+from ninedisk.harness.run.judge import blank_history
 
 Judge = Callable[..., Any]
 QUICK: Mapping[str, Any] = {"shape": "nurbs", "cycles": 100, "settle_cycles": 400}
@@ -204,3 +207,19 @@ def test_defects_of_the_grain_at_rest_are_seen(judge_history: Judge, slope: floa
         assert {"fs_final", "kinetic_settled"} <= found(law(mu=0.1))
     else:
         assert found(law(kn=1.01 * 2e4)) == {"y_final"}
+
+
+def test_ellipses_that_are_apart_have_no_overlap_and_one_inside_another_has_no_truth() -> None:
+    """Places of single precision part grains that graze: an engine that reports an overlap then is wrong by that."""
+    params = resolve(OVERLAP, {"shape": "ellipse"}).params
+    setup = OVERLAP.build(params)
+    blank = blank_history(setup)
+    x = np.repeat(setup.scene.disks.x[None], len(blank.t), axis=0)
+    (one, two), (outer, inner) = setup.watch[:2]
+    x[:, two] += 0.5 * (x[:, two] - x[:, one])
+    x[:, inner] = x[:, outer]
+    for gap, truth in ((0.2, 0.2), (-0.2, 0.0)):
+        history = replace(blank, x=x, gap=np.full_like(blank.gap, gap))
+        found = expected_gaps(params, setup, history)
+        assert found[-1, 0] == truth
+        assert math.isnan(found[-1, 1])

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap
+from ninedisk.references.analytic.contact.ellipse_contact import Ellipse, ellipse_overlap, ellipse_separation
 
 
 def circle(radius: float, x: float, y: float) -> Ellipse:
@@ -91,3 +91,16 @@ def test_refusals() -> None:
             ellipse_overlap(one, two)
     with pytest.raises(ValueError, match=r"a = 0\.0 is not allowed"):
         Ellipse(0.0, 1.0, (0.0, 0.0), 0.0)
+
+
+def test_the_separation_is_that_of_circles_and_of_a_line_along_an_axis() -> None:
+    """Circles: centre distance less radii; ellipses whose centres lie on a common axis: as far as their vertices are."""
+    assert ellipse_separation(Ellipse(1.0, 1.0, (0.0, 0.0), 0.4), Ellipse(2.0, 2.0, (3.0, 4.0), 0.0)) == pytest.approx(
+        2.0
+    )
+    turned = Ellipse(2.0, 1.2, (0.0, 0.0), 0.7)
+    along = (5.0 * math.cos(0.7), 5.0 * math.sin(0.7))
+    assert ellipse_separation(turned, Ellipse(1.5, 1.0, along, 0.7)) == pytest.approx(1.5)
+    touching = (3.5 * math.cos(0.7), 3.5 * math.sin(0.7))
+    assert abs(ellipse_separation(turned, Ellipse(1.5, 1.0, touching, 0.7))) < 1e-12
+    assert ellipse_separation(turned, Ellipse(0.5, 0.4, (0.1, 0.0), 0.2)) < -1.0
