@@ -18,8 +18,8 @@ SINGULAR = 1e-14
 """Relative size below which the determinant of a 2 x 2 block is round-off."""
 EPSILON = 2.220446049250313e-16
 MAP, FORCE, FREE_MAP, WORK, GAP, VIOLATION, ENERGY_W, ENERGY_B, LARGEST, NOISE_MAP, NOISE_WORK, NOISE = range(12)
-OFF_BALANCE, KINETIC, RHO, SIZE = range(12, 16)
-SUMS = 16
+OFF_BALANCE, KINETIC, RHO, SIZE, SUMMED_MAP, SUMMED_WORK, SUMMED_NOISE = range(12, 19)
+SUMS = 19
 NATURAL_MAP, COMPLEMENTARITY, DUALITY_GAP, STATIONARITY, FLOOR_MAP, FLOOR_GAP = range(6)
 """Order of the figures, that of `ninedisk.core.cd.problem.Residuals`."""
 
@@ -31,7 +31,7 @@ SUMMED = 0.25
 larger than itself where light bodies bear heavy ones."""
 
 EXPLAINED = 1e-8
-"""Largest figure that round-off may explain: a packing with bodies of 1 and of 1e6 needs 5e-9."""
+"""Largest figure that the round-off of such sums may explain: a packing with bodies of 1 and of 1e6 needs 5e-9."""
 
 UNRESOLVED = 1e-3
 """Where the offsets' resolution alone makes up more than this fraction of the forces, the forces are round-off of the scene."""
@@ -237,7 +237,8 @@ def sum_residuals(
 
     ``MAP`` |r - P(r - rho u)|^2, ``FORCE`` |r|^2, ``FREE_MAP`` |P(-rho b)|^2, ``WORK`` sum |r.u|, ``GAP`` sum r.u,
     ``VIOLATION`` sum of max(0, mu |u_t| - u_n), ``ENERGY_W`` sum r.(u - b), ``ENERGY_B`` sum r.b, ``LARGEST`` max p,
-    ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise, ``RHO`` sum rho^2, ``SIZE`` sum |r|_1.
+    ``NOISE_MAP`` |rho noise|^2, ``NOISE_WORK`` sum |r| noise, ``NOISE`` sum of the noise, the same with ``SUMMED`` for the noise of
+    ``v`` as a sum of velocities, ``RHO`` sum rho^2, ``SIZE`` sum |r|_1.
     """
     bodies, normal, arms, mu, compliance = contacts
     for m in range(SUMS):
@@ -252,7 +253,7 @@ def sum_residuals(
             if i >= 0:
                 arm = abs(arms[k, side]) + abs(arms[k, 2 + side])
                 size += abs(v[i, 0]) + abs(v[i, 1]) + arm * abs(v[i, 2])
-        size += SUMMED * (p + abs(q)) / rho[k]
+        summed = EPSILON * SUMMED * (p + abs(q)) / rho[k]
         un += offset[k, 0] + compliance[k, 0] * p
         ut += offset[k, 1] + compliance[k, 1] * (q - shear_0[k])
         friction = mu[k] * abs(ut)
@@ -278,6 +279,9 @@ def sum_residuals(
         sums[NOISE_MAP] += (rho[k] * noise) ** 2
         sums[NOISE_WORK] += (p + abs(q)) * noise
         sums[NOISE] += noise
+        sums[SUMMED_MAP] += (rho[k] * summed) ** 2
+        sums[SUMMED_WORK] += (p + abs(q)) * summed
+        sums[SUMMED_NOISE] += summed
         sums[RHO] += rho[k] * rho[k]
         sums[SIZE] += p + abs(q)
 
@@ -308,8 +312,9 @@ def figures_of(sums: Floats, n_contacts: int, resolution: float, figures: Floats
     floor_map = ROUND_OFF * sqrt(sums[NOISE_MAP])
     floor_gap = ROUND_OFF * (sums[NOISE_WORK] + largest * sums[NOISE] + 0.5 * noise_v)
     # Forces of a contradiction grow without end, and their round-off with them: it explains no more than this part.
-    floor_map = min(floor_map, EXPLAINED * force)
-    floor_gap = min(floor_gap, EXPLAINED * energy)
+    floor_map += min(ROUND_OFF * sqrt(sums[SUMMED_MAP]), EXPLAINED * force)
+    summed = sums[SUMMED_WORK] + largest * sums[SUMMED_NOISE]
+    floor_gap += min(ROUND_OFF * summed, EXPLAINED * energy)
     unsure = resolution * sqrt(sums[RHO])
     if unsure > UNRESOLVED * force:
         floor_map += unsure

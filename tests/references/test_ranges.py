@@ -73,6 +73,7 @@ OWN: dict[str, dict[str, Any]] = {
     "critical_step.lagged_limit": {"mass": np.eye(2)},
     "ellipse_collision.gap_and_way": {"t": 0.0},
     "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
+    "ellipse_contact.ellipse_separation": {"one": ONE, "two": TWO},
     "hard_disks.hard_disks": {"x": [(0.2, 0.2), (0.6, 0.2)], "v": [(1.0, 0.0), (0.0, 0.0)], "times": [0.1, 0.3]},
     "normal_contact.normal_contact_central": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
     "normal_contact.normal_contact_theta": {"planes": [Plane(1, np.zeros(11), np.zeros(11), 1e4)]},
