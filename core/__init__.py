@@ -16,11 +16,23 @@ from ninedisk.core.errors import (
     UnwritableFileError,
 )
 from ninedisk.core.history import History
+from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import BodyForce, Cell, ContactLaw, Disks, Rolling, Scene, Wall, WallSegment
+from ninedisk.core.scene import (
+    BodyForce,
+    Cell,
+    ContactLaw,
+    Disks,
+    PlaneSegment,
+    PlaneWall,
+    Rolling,
+    Scene,
+    Spheres,
+    SphereScene,
+    Wall,
+    WallSegment,
+)
 from ninedisk.core.simulate import simulate
-from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 
 __all__ = [
     "BehindWallError",

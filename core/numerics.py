@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.bodies import BodiesAndWalls
+from ninedisk.core.scene.base import AnyScene
 from ninedisk.core.validate import at_least, body_numbers, flag, items_of, kind_of, one_of, shown, whole, within
 
 DampingForm = Literal["central", "lagged"]
@@ -221,7 +221,7 @@ def check_progress(progress: object) -> None:
         )
 
 
-def watched_pairs(scene: BodiesAndWalls[Any], watch: Sequence[Pair]) -> tuple[Pair, ...]:
+def watched_pairs(scene: AnyScene, watch: Sequence[Pair]) -> tuple[Pair, ...]:
     """The contacts to record, as body numbers.
 
     Raises
@@ -233,7 +233,7 @@ def watched_pairs(scene: BodiesAndWalls[Any], watch: Sequence[Pair]) -> tuple[Pa
     return tuple(scene.check_pair(pair) for pair in pairs)
 
 
-def chosen_particles(scene: BodiesAndWalls[Any], particles: Sequence[int] | None) -> NDArray[np.int64]:
+def chosen_particles(scene: AnyScene, particles: Sequence[int] | None) -> NDArray[np.int64]:
     """Body numbers, shape (k,); None means all.
 
     Raises

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics, check_run
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.core.threads import check_threads
 from ninedisk.core.validate import one_of
 

@@ -18,8 +18,7 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.state import NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.core.validate import one_of
 
 Kind = TypeVar("Kind", Scene, SphereScene)

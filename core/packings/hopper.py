@@ -11,7 +11,7 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.packings.parts import DENSITY, GRAVITY, MOST_DISKS, SPREAD, contact_law, count, random
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.disks import Disks
+from ninedisk.core.scene.bodies import Disks
 from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import kind_of, within
 

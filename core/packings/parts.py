@@ -13,7 +13,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics, check_progress
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.disks import Disks
+from ninedisk.core.scene.bodies import Disks
 from ninedisk.core.validate import at_least, kind_of, whole, within
 
 MOST_DISKS = 10_000_000

@@ -7,10 +7,10 @@ from math import pi, sqrt
 
 import numpy as np
 
+from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.packings.parts import GRAVITY
-from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.core.validate import whole
 
 RADIUS, SPREAD, DENSITY = 5e-3, 0.1, 2500.0

@@ -1,242 +1,272 @@
-"""What scenes of the plane and of space share: bodies and walls by number and name, pairs, laws by materials."""
+"""Rigid bodies of a scene: disks and grains in 2D, spheres in 3D."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
-from ninedisk.core.validate import body_numbers, items_of, kind_of, shown, whole
-
-Law = TypeVar("Law")
-
-
-class Bodies(Protocol):
-    """What is asked of disks or spheres here."""
-
-    material: tuple[str, ...]
-
-    def __len__(self) -> int: ...
+from ninedisk.core.array_types import FloatArray
+from ninedisk.core.errors import InvalidSceneError
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, shown
 
 
-class BodiesAndWalls(ABC, Generic[Law]):
-    """A scene's bodies ``0 .. n-1`` and its walls ``n .. n+m-1``; a pair is ``(i, j)`` with ``i < j``, the first of which is no wall."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bodies:
+    """Rigid bodies as a structure of arrays (copied and made read-only), d = 2 or 3 the dimension.
+
+    Two are equal if all their numbers are; they cannot be keys of a dictionary.
+
+    Parameters
+    ----------
+    x : array_like, shape (n, d)
+        Centres [m]; of a grain with an outline, its centroid.
+    radius, mass : array_like, shape (n,) or scalar
+        Radii [m] and masses [kg], > 0. The radius of a grain with an outline is that of a circle about its centroid that encloses it:
+        the contact search uses it, contacts do not.
+    inertia : array_like, shape (n,), scalar or None
+        Moments of inertia about the centre [kg m^2], > 0; None means uniform bodies, ``m R^2 / 2`` of disks and ``(2/5) m R^2`` of
+        spheres.
+    v : array_like, shape (n, d), optional
+        Velocities [m/s] at time 0.
+    omega : array_like, shape (n,) in 2D, (n, 3) in 3D, optional
+        Spins [rad/s] at time 0, counter-clockwise positive in 2D.
+    rotating : array_like of bool, shape (n,) or scalar
+        False: the body keeps its spin whatever torque acts (a block in the shape of a disk).
+    held : array_like of bool, shape (n, d) or scalar
+        True: the body keeps this component of its velocity whatever force acts (a prescribed motion).
+    material : sequence of n str, or str
+        Names of what the bodies are made of, which the scene's ``laws`` refer to; "" where the scene names no materials.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a shape or value is not allowed.
+    """
+
+    x: FloatArray
+    radius: FloatArray
+    mass: FloatArray
+    inertia: FloatArray = None  # type: ignore[assignment]
+    v: FloatArray = None  # type: ignore[assignment]
+    omega: FloatArray = None  # type: ignore[assignment]
+    rotating: NDArray[np.bool_] = True  # type: ignore[assignment]
+    held: NDArray[np.bool_] = False  # type: ignore[assignment]
+    material: tuple[str, ...] = ""  # type: ignore[assignment]
 
     dimension: ClassVar[int]
     noun: ClassVar[str]
     """What a body is called in messages."""
-    walls: tuple[Any, ...]
-    laws: Mapping[tuple[str, str], Law]
+    __hash__ = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        d, name = self.dimension, f"{self.noun}s"
+        x = rows_of(f"{name}.x", self.x, d)
+        n = len(x)
+        radius, mass = self._column("radius", self.radius, n), self._column("mass", self.mass, n)
+        sizes_in_range(f"{name}.radius", radius)
+        sizes_in_range(f"{name}.mass", mass)
+        with np.errstate(over="ignore"):  # an infinite one is refused by name below
+            uniform = UNIFORM[d] * mass * radius**2
+        inertia = self._column("inertia", uniform if self.inertia is None else self.inertia, n)
+        sizes_in_range(f"{name}.inertia", inertia, SMALLEST**2, LARGEST**2)
+        checked: dict[str, Any] = {
+            "x": finite(f"{name}.x", x, (n, d), most=LARGEST),
+            "v": self._vectors("v", self.v, n),
+            "omega": self._column("omega", 0.0 if self.omega is None else self.omega, n)
+            if d == 2
+            else self._vectors("omega", self.omega, n),
+            "radius": radius,
+            "mass": mass,
+            "inertia": inertia,
+            "rotating": flags_of(f"{name}.rotating", self.rotating, (n,), f"one for each {self.noun}"),
+            "held": flags_of(
+                f"{name}.held",
+                self.held,
+                (n, d),
+                f"{'a pair (x, y)' if d == 2 else 'three (x, y, z)'} for each {self.noun}",
+            ),
+            "material": materials_of(f"{name}.material", self.material, n),
+        }
+        for field, value in checked.items():
+            object.__setattr__(self, field, value)
+
+    def _column(self, field: str, value: ArrayLike, n: int, *, most: float = np.inf) -> FloatArray:
+        array = numbers(f"{self.noun}s.{field}", value)
+        return finite(f"{self.noun}s.{field}", np.full(n, array) if array.ndim == 0 else array, (n,), most=most)
+
+    def _vectors(self, field: str, value: ArrayLike | None, n: int) -> FloatArray:
+        name, shape = f"{self.noun}s.{field}", (n, self.dimension)
+        return finite(name, np.zeros(shape) if value is None else rows_of(name, value, self.dimension), shape)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Bodies) or type(other) is not type(self):
+            return NotImplemented
+        return all(np.array_equal(mine, getattr(other, name)) for name, mine in vars(self).items())
+
+    def __len__(self) -> int:
+        return int(self.x.shape[0])
 
     @property
-    @abstractmethod
-    def bodies(self) -> Any:
-        """The disks or spheres."""
+    def fixed(self) -> NDArray[np.bool_]:
+        """Which bodies stay where they are, shape (n,): held at rest in all directions, and not turning.
 
-    @property
-    @abstractmethod
-    def law_of_bodies(self) -> Law:
-        """Law between two bodies that no materials decide."""
-
-    @classmethod
-    @abstractmethod
-    def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
-        """Fields of the scene whose `to_dict` gave ``data``."""
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Build a scene from `to_dict` data.
-
-        Raises
-        ------
-        InvalidSceneError
-            If a key is missing or unknown, or a value is not allowed.
+        They bear contacts as a part of the ground does. Among themselves and with walls they have none: nothing could answer its
+        forces. They may therefore touch and overlap.
         """
-        try:
-            scene = cls(**cls._fields_of(data))
-        except KeyError as error:
-            raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
-        except InvalidSceneError:
-            raise
-        except (TypeError, AttributeError, ValueError) as error:
-            raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
-        known = {each.name for each in fields(cls)}  # type: ignore[arg-type]
-        unknown = set(data) - known - ({"dimension"} if cls.dimension == 3 else set())
-        if unknown:
-            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
-        return scene
+        still = ~self.v.any(axis=1) & (self.omega.reshape(len(self), -1) == 0.0).all(axis=1)
+        fixed: NDArray[np.bool_] = self.held.all(axis=1) & still & ~self.rotating
+        return fixed
 
-    @property
-    def n_bodies(self) -> int:
-        """Number of bodies and walls together."""
-        return len(self.bodies) + len(self.walls)
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; what most bodies lack is left out."""
+        plain = {
+            name: value.tolist() for name, value in vars(self).items() if name not in ("material", "outline", "angle")
+        }
+        if any(self.material):
+            plain["material"] = list(self.material)
+        return plain
 
-    def body_name(self, body: int) -> str:
-        """Readable name of a body, for messages and figures."""
-        body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
-        n = len(self.bodies)
-        return f"{self.noun} {body}" if body < n else f"wall {self.walls[body - n].name!r}"
 
-    def wall_index(self, name: str) -> int:
-        """Body number of the wall called ``name``."""
-        for k, wall in enumerate(self.walls):
-            if wall.name == name:
-                return len(self.bodies) + k
-        known = ", ".join(wall.name for wall in self.walls) or "none"
-        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Disks(Bodies):
+    """Rigid disks and grains of other outlines in 2D.
 
-    def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
-        """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
-        bodies = body_numbers("a pair is two body numbers", pair)
-        if len(bodies) != 2:
-            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
-        i, j = bodies
-        if not (0 <= i < len(self.bodies) and i < j < self.n_bodies):
+    Parameters
+    ----------
+    x, radius, mass, inertia, v, omega, rotating, held, material
+        As in `Bodies`, with d = 2. The moment of inertia of a grain with an outline must be given
+        (`ninedisk.core.nurbs.mass.uniform_grain` gives the values of a uniform one).
+    outline : array_like of int, shape (n,) or scalar
+        Which of `Scene.outlines` is the boundary of the grain; -1: it is a disk.
+    angle : array_like, shape (n,) or scalar
+        Angles [rad] of the outlines at time 0, counter-clockwise positive: at 0 the body's frame has the scene's axes.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a shape or value is not allowed.
+
+    Examples
+    --------
+    >>> Disks(x=[[0.0, 1.0], [2.0, 1.0]], radius=[0.5, 1.0], mass=2.0).inertia
+    array([0.25, 1.  ])
+    """
+
+    outline: NDArray[np.int64] = -1  # type: ignore[assignment]
+    angle: FloatArray = 0.0  # type: ignore[assignment]
+
+    dimension: ClassVar[int] = 2
+    noun: ClassVar[str] = "disk"
+
+    def __post_init__(self) -> None:
+        n = len(rows_of("disks.x", self.x, 2))
+        outline = _outline_numbers(self.outline, n)
+        if self.inertia is None and np.any(outline >= 0):
             raise InvalidSceneError(
-                f"pair {(i, j)} is not allowed: the first body is a {self.noun} (0..{len(self.bodies) - 1}), the second a "
-                f"later {self.noun} or a wall (up to {self.n_bodies - 1})"
+                f"disks.inertia is missing and grain {int(np.argmax(outline >= 0))} has an outline: give the moments of inertia "
+                "(ninedisk.core.nurbs.mass.uniform_grain gives that of a uniform grain)"
             )
-        return i, j
+        super().__post_init__()
+        object.__setattr__(self, "outline", outline)
+        angle = (
+            self._column("angle", self.angle, n, most=LARGEST) + 0.0
+        )  # -0.0 becomes 0.0, which the JSON form leaves out
+        angle.setflags(write=False)
+        object.__setattr__(self, "angle", angle)
 
-    def law(self, pair: tuple[int, int]) -> Law:
-        """Contact law of a pair."""
-        return self.law_between(*self.check_pair(pair))
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; what most disks lack is left out."""
+        plain = super().to_dict()
+        if np.any(self.outline >= 0):
+            plain["outline"] = self.outline.tolist()
+        if np.any(self.angle):
+            plain["angle"] = self.angle.tolist()
+        return plain
 
-    def law_between(self, i: int, j: int) -> Law:
-        """Contact law of two bodies in order, which may be one and the same: it touches its own image in a periodic cell."""
-        n, one = len(self.bodies), self.bodies.material[i]
-        if j < n:
-            return self.laws.get(ordered(one, self.bodies.material[j]), self.law_of_bodies)
-        wall_law: Law = self.walls[j - n].law
-        return self.laws.get(ordered(one, self.walls[j - n].material), wall_law)
 
-    @property
-    def laws_in_use(self) -> tuple[Law, ...]:
-        """All laws that a pair of the scene can have: between bodies (of two or more, or in a cell), of each wall, of the materials."""
-        periodic = getattr(self, "cell", None) is not None
-        return (
-            *((self.law_of_bodies,) if len(self.bodies) > 1 or periodic else ()),
-            *(wall.law for wall in self.walls),
-            *self.laws.values(),
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spheres(Bodies):
+    """Rigid spheres in 3D: `Bodies` with d = 3.
+
+    Examples
+    --------
+    >>> Spheres(x=[[0.0, 0.0, 1.0]], radius=0.5, mass=2.0).inertia
+    array([0.2])
+    """
+
+    dimension: ClassVar[int] = 3
+    noun: ClassVar[str] = "sphere"
+
+
+UNIFORM = {2: 0.5, 3: 0.4}
+"""Moment of inertia of a uniform disk or sphere over ``m R^2``, by the dimension."""
+
+
+def sizes_in_range(name: str, values: FloatArray, low: float = SMALLEST, high: float = LARGEST) -> None:
+    """Raise `InvalidSceneError` unless all sizes are > 0 and in the range in which they can be computed with."""
+    for i in (int(np.argmin(values)), int(np.argmax(values))) if len(values) else ():
+        if values[i] <= 0.0:
+            raise InvalidSceneError(f"{name}[{i}] = {values[i]:g} is not allowed: it must be > 0")
+        if not low <= values[i] <= high:
+            raise InvalidSceneError(
+                f"{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
+            )
+
+
+def _outline_numbers(value: object, n: int) -> NDArray[np.int64]:
+    """Read-only outline numbers of ``n`` grains, -1 for a disk, from as many or from one for all; or `InvalidSceneError`."""
+    array = numbers("disks.outline", value)  # type: ignore[arg-type]
+    full: FloatArray = np.full(n, array) if array.ndim == 0 else array
+    if full.shape != (n,):
+        raise InvalidSceneError(f"disks.outline has shape {full.shape}; it must have shape {(n,)}")
+    bad = np.flatnonzero(~((full >= -1.0) & (full == np.floor(full)) & (full < 2**31)))
+    if len(bad):
+        i = int(bad[0])
+        raise InvalidSceneError(
+            f"disks.outline[{i}] = {full[i]:g} is not allowed: it must be the number of an outline, or -1 for a disk"
         )
+    whole = full.astype(np.int64)
+    whole.setflags(write=False)
+    return whole
 
-    def behind_wall(self, body: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
-        """The error of a body whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
-        return BehindWallError(
-            f"the centre of {self.noun} {body} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a "
-            f"step, its contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
+
+def materials_of(name: str, value: object, n: int) -> tuple[str, ...]:
+    """Names of the materials of ``n`` bodies, from as many or from one for all; or `InvalidSceneError`."""
+    if isinstance(value, str):
+        return (value,) * n
+    names = items_of(name, value, "a name, or one for each body")
+    if len(names) != n or not all(isinstance(each, str) for each in names):
+        raise InvalidSceneError(
+            f"{name} = {shown(value)} is not allowed: it must be a name, or one for each of the {n} bodies"
         )
+    return names
 
-    def unstable(self, body: int, step: float, critical: float, t: float, share: float) -> UnstableTimeStepError:
-        """The error of a contact step above the critical one that contacts have at time ``t``, times in s; most of it at ``body``.
 
-        ``share`` of the critical step is recommended.
-        """
-        return UnstableTimeStepError(
-            f"contact_dt = {step:g} s exceeds the critical step {critical:g} s that the contacts have at t = {t:g} s, stiffest at "
-            f"{self.body_name(body)}: use at most {share * critical:g} s ({share:g} of it) for accurate results, or set "
-            "allow_unstable=True to run all the same"
+def rows_of(name: str, value: ArrayLike, width: int) -> FloatArray:
+    """Numbers in rows of this width; an empty list, as JSON has it for no body at all, has lost its second dimension."""
+    array = numbers(name, value)
+    if array.shape == (0,):
+        return array.reshape(0, width)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape (n, {width})")
+    return array
+
+
+def flags_of(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:
+    """Read-only truth values of the given shape, from as many or from one for all."""
+    try:
+        flags = np.empty(()) if np.ma.is_masked(value) else np.asarray(value)
+    except Exception:  # rows of unequal length, or whatever an object does that is asked to be an array
+        flags = np.empty(())
+    if flags.size == 0 == shape[0]:  # an empty list has lost its shape and type
+        flags = np.empty(shape, dtype=bool)
+    if flags.dtype != np.bool_ or flags.shape not in ((), shape):
+        raise InvalidSceneError(
+            f"{name} must be true or false, one for all or {form} of the {shape[0]}, not {shown(value)}"
         )
-
-    def too_fast(self, body: int, other: str, way: float, limit: float, t: float, step: float) -> TooFastError:
-        """The error of a body that moves by ``way`` against the ``other`` in the contact step [s] that ends at ``t`` [s]; lengths in m."""
-        return TooFastError(
-            f"{self.body_name(body)} moves {way:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
-            f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / way:g} s (now {step:g} s), "
-            "or lower the speeds"
-        )
-
-    def replace(self, **changes: Any) -> Self:
-        """Copy with some fields changed."""
-        return replace(self, **changes)  # type: ignore[type-var]
-
-    def _check_names(self) -> None:
-        names = [wall.name for wall in self.walls]
-        if len(set(names)) != len(names):
-            raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
-
-    def _check_centres(self) -> None:
-        for wall in self.walls:
-            height = (self.bodies.x - np.array(wall.point)) @ np.array(wall.normal)
-            if len(height) and height.min() <= 0.0:
-                i = int(np.argmin(height))
-                raise InvalidSceneError(
-                    f"the centre of {self.noun} {i} lies {-height[i]:g} m behind wall {wall.name!r}: a centre must lie on the side that "
-                    "the wall's normal points to"
-                )
-
-    def _plain_walls(self) -> list[dict[str, Any]]:
-        return [
-            {
-                "name": wall.name,
-                "point": list(wall.point),
-                "normal": list(wall.normal),
-                "law": wall.law.to_dict(),
-                "motion": [plain(segment) for segment in wall.motion],
-                **({"material": wall.material} if wall.material else {}),
-            }
-            for wall in self.walls
-        ]
-
-    def _plain_laws(self) -> list[list[Any]]:
-        return [[*pair, law.to_dict()] for pair, law in self.laws.items()]  # type: ignore[attr-defined]
-
-    def _checked_laws(self, kind: type[Law]) -> dict[tuple[str, str], Law]:
-        """Laws of materials that somebody has, each pair of names in alphabetical order."""
-        used = {*self.bodies.material, *(wall.material for wall in self.walls)}
-        laws: dict[tuple[str, str], Law] = {}
-        for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]
-            names = items_of("the materials of a law", pair, "two names")
-            if len(names) != 2 or not all(isinstance(name, str) for name in names):
-                raise InvalidSceneError(
-                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
-                )
-            for name in names:
-                if name not in used:
-                    known = ", ".join(map(repr, sorted(used)))
-                    raise InvalidSceneError(
-                        f"no {self.noun} and no wall is made of the material {name!r} of a law: there are {known}"
-                    )
-            if ordered(*names) in laws:
-                raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
-            laws[ordered(*names)] = kind_of(f"law of {shown(pair)}", law, kind)
-        return laws
-
-
-def ordered(one: str, two: str) -> tuple[str, str]:
-    """Names of two materials in alphabetical order."""
-    return (one, two) if one <= two else (two, one)
-
-
-def plain(record: Any) -> dict[str, Any]:
-    """Fields of a flat record as JSON data; an infinite time becomes the string ``"inf"``."""
-
-    def told(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return list(value)
-        return "inf" if isinstance(value, float) and np.isinf(value) else value
-
-    return {name: told(value) for name, value in vars(record).items()}
-
-
-def endless(record: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The same fields, with the time ``name`` infinite where it is the string ``"inf"``."""
-    return {**record, name: np.inf} if record.get(name) == "inf" else dict(record)
-
-
-def walls_of(data: Sequence[Mapping[str, Any]], wall: Any, segment: Any, law: Any) -> tuple[Any, ...]:
-    """Walls of these classes, from their part of a scene's data."""
-    return tuple(
-        wall(
-            **{
-                **each,
-                "law": law.from_dict(each["law"]),
-                "motion": tuple(segment(**endless(part, "duration")) for part in each["motion"]),
-            }
-        )
-        for each in data
-    )
+    full = np.array(np.broadcast_to(flags, shape))
+    full.setflags(write=False)
+    return full

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import aligned
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Rolling, SphereLaw
+from ninedisk.core.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.spheres import state as columns
-from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.spheres.neighbour_kernels import Materials
 from ninedisk.core.spheres.plane_kernels import place_planes
 from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.spheres.scratch_kernels import CHUNK
 from ninedisk.core.spheres.state import Contacts, Losses, Motion
 from ninedisk.core.spheres.step_kernels import BATCH, Batch

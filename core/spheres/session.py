@@ -24,6 +24,7 @@ from ninedisk.core.errors import (
 )
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
+from ninedisk.core.scene import PlaneWall, SphereScene
 from ninedisk.core.spheres import state as columns
 from ninedisk.core.spheres.arrays import (
     batch_arrays,
@@ -46,7 +47,6 @@ from ninedisk.core.spheres.neighbour_kernels import (
 )
 from ninedisk.core.spheres.plane_kernels import place_planes
 from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.scene import PlaneWall, SphereScene
 from ninedisk.core.spheres.scratch_kernels import SCRATCH, SCRATCH_COUNTED
 from ninedisk.core.spheres.state import Contacts, State
 from ninedisk.core.spheres.step_kernels import (

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 
-from ninedisk.core.law import RollingModel
+from ninedisk.core.law import RollingModel, Unloading
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt
-from ninedisk.core.spheres.law import Unloading
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt, SphereScene
 
 
 class Capability(StrEnum):

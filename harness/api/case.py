@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.results.figures import Figure
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene, Wall
-from ninedisk.core.spheres.scene import PlaneWall, SphereScene
+from ninedisk.core.scene import PlaneWall, Scene, SphereScene, Wall
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Engine, Support, SupportLevel
 

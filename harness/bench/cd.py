@@ -39,7 +39,7 @@ from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.packings import DENSITY, GRAVITY
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.disks import Disks
+from ninedisk.core.scene.bodies import Disks
 from ninedisk.core.scene.walls import Wall
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench.dem import packing

@@ -29,9 +29,8 @@ from ninedisk.core.dem.session import Counts
 from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.scene.disks import Disks
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.core.scene.bodies import Disks
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.bench.measure import (
     DRIVERS,

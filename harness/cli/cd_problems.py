@@ -46,7 +46,7 @@ def collect(
       ninedisk cd-problems collect nine-disk/compression --every 100
       ninedisk cd-problems collect incline-block --set sliding=coulomb --form fclib --out incline
     """
-    from ninedisk.core.spheres.scene import SphereScene
+    from ninedisk.core.scene import SphereScene
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.support import without_spring_preload
     from ninedisk.harness.bench import problem_set

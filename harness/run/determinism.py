@@ -25,10 +25,9 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History, Pair
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import ContactLaw, Disks, PlaneWall, Scene, Spheres, SphereScene, Wall
 from ninedisk.harness.api.engine import Engine, EngineError, EngineInfo, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.support import contact_steps, support_of

@@ -19,8 +19,7 @@ from ninedisk.core.dem import state
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.core.spheres.session import SphereSession
 from ninedisk.core.spheres.step_kernels import STEP
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Stopwatch, Support, timings_of

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene, WallSegment
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import ContactLaw, Scene, SphereScene, WallSegment
 from ninedisk.harness.selftest.defect import Defect
 
 AnyScene = TypeVar("AnyScene", Scene, SphereScene)

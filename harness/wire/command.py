@@ -22,8 +22,7 @@ from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed, wire_name
 from ninedisk.harness.api.engine import (
     Difference,

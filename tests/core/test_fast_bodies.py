@@ -9,10 +9,10 @@ import pytest
 
 from ninedisk.core import Cell, ContactLaw, Disks, History, NonFiniteStateError, Numerics, Scene, TooFastError, simulate
 from ninedisk.core.dem.leaps import leaping_pair
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import Spheres, SphereScene
+from ninedisk.core.scene import Spheres, SphereScene
 
 R, KN = 0.5, 1e4
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ninedisk.core import Cell, ContactLaw, Disks, History, Numerics, Scene, Wall, simulate
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.law import SphereLaw
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 
 HOW = Numerics(dt=1e-2, contact_dt=1e-3, n_steps=12)
 LEAST, MOST = -495, 490

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from ninedisk.core import Cell, ContactLaw, Disks, History, Numerics, Scene
 from ninedisk.core.dem.session import DemSession
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import Spheres, SphereScene
+from ninedisk.core.law import SphereLaw
+from ninedisk.core.scene import Spheres, SphereScene
 from ninedisk.core.spheres.session import SphereSession
 
 DT, KN = 1e-3, 1e4

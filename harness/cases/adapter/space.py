@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Rolling, SphereLaw, Surface, Unloading
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw, Surface, Unloading
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, UNLOADING, Capability
 from ninedisk.harness.api.case import FloatArray, SphereSetup
 from ninedisk.harness.api.engine import EngineInfo

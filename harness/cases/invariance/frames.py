@@ -11,10 +11,19 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import (
+    ContactLaw,
+    Disks,
+    PlaneSegment,
+    PlaneWall,
+    Scene,
+    Spheres,
+    SphereScene,
+    Wall,
+    WallSegment,
+)
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.case import Setup
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Disks, Scene
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import Spheres, SphereScene
+from ninedisk.core.scene import ContactLaw, Disks, Scene, Spheres, SphereScene
 from ninedisk.harness.api.case import (
     Check,
     FloatArray,

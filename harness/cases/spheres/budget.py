@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.core.law import SphereLaw, damping_ratio
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw, damping_ratio
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.case import Parameter, Setup, SphereSetup, Value
 from ninedisk.harness.cases.energy.budget import (
     DENSITY,

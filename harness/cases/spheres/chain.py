@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import Elastic, SphereLaw, moduli
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import Elastic, SphereLaw, moduli
-from ninedisk.core.spheres.scene import Spheres, SphereScene
+from ninedisk.core.scene import Spheres, SphereScene
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, scalar
 from ninedisk.harness.api.engine import EngineInfo

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
+from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single

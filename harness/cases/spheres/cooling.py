@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.core.law import SphereLaw, damping_ratio
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw, damping_ratio
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observed, Setup, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS, whole_steps

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observed, SphereSetup, TruthKind
 from ninedisk.harness.api.engine import Difference, EngineInfo

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import Spheres, SphereScene
+from ninedisk.core.scene import Spheres, SphereScene
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.case import (
     Check,
     FloatArray,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
+from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, TruthKind, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DT, contact_step, phase_error, soft_reason, softness

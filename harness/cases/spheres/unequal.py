@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.history import History
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Elastic, Rolling, SphereLaw, damping_ratio, moduli
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import Elastic, SphereLaw, damping_ratio, moduli
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.case import (
     Check,
     FloatArray,

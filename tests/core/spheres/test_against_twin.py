@@ -10,8 +10,8 @@ from twin import Twin, law_of
 
 from ninedisk.core import Numerics
 from ninedisk.core.law import Rolling
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.core.simulate import simulate
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 
 R, DT, STEPS = 5e-3, 1e-5, 200
 

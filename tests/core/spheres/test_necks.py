@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ninedisk.core import Numerics, simulate
+from ninedisk.core.law import SphereLaw
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.core.spheres import session
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.core.spheres.session import SphereSession
 from ninedisk.references.analytic.impact.jkr import neck, stable_contact, sticking_speed
 

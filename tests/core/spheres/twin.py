@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, SphereScene
+from ninedisk.core.law import SphereLaw
+from ninedisk.core.scene import PlaneWall, SphereScene
 
 Vector = NDArray[np.float64]
 

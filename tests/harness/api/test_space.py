@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_asked
 from ninedisk.harness.api.case import SphereSetup
 from ninedisk.harness.api.engine import SupportLevel

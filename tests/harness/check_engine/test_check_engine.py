@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_asked, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import case_table, get_case, get_engine

@@ -15,12 +15,32 @@ from jsonschema import Draft202012Validator
 
 from ninedisk.core.errors import CoreError
 from ninedisk.core.history import History
-from ninedisk.core.law import CONTACTS, LEVER_ARMS, ROLLING_MODELS, SLIP_AT, WALL_VELOCITY_AT, ContactLaw
+from ninedisk.core.law import (
+    CONTACTS,
+    LEVER_ARMS,
+    ROLLING_MODELS,
+    SLIP_AT,
+    SURFACES,
+    UNLOADING,
+    WALL_VELOCITY_AT,
+    ContactLaw,
+    SphereLaw,
+)
 from ninedisk.core.numerics import DampingForm, Impact, Numerics, Regime, Sliding
 from ninedisk.core.options import Option
-from ninedisk.core.scene import BodyForce, Cell, Disks, Rolling, Scene, Wall, WallSegment
-from ninedisk.core.spheres.law import SURFACES, UNLOADING, SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import (
+    BodyForce,
+    Cell,
+    Disks,
+    PlaneSegment,
+    PlaneWall,
+    Rolling,
+    Scene,
+    Spheres,
+    SphereScene,
+    Wall,
+    WallSegment,
+)
 from ninedisk.harness.api.capabilities import LEVER_ARMS as ARMS_OF_LAWS
 from ninedisk.harness.api.capabilities import Capability, wire_name
 from ninedisk.harness.api.engine import Difference, EngineError, EngineInfo

@@ -9,9 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ninedisk.core.law import Rolling
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.law import Rolling, SphereLaw
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.reports.build import build_report
 from ninedisk.reports.drawing.draw import Projection, draw_projection, numbers_of, read_scene, read_space
 from ninedisk.reports.drawing.scenes import Arrays, read_frames, spaces

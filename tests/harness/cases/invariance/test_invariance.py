@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import WallSegment
-from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.incline.block import CASE as INCLINE

@@ -1,0 +1,273 @@
+"""What scenes of both dimensions share: bodies and walls by number and name, pairs, laws by materials, JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
+from ninedisk.core.law import ContactLaw
+from ninedisk.core.scene.bodies import Bodies
+from ninedisk.core.scene.walls import AnyWall, vector
+from ninedisk.core.validate import all_of_kind, body_numbers, items_of, kind_of, shown, whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnyScene:
+    """What scenes of both dimensions are: bodies ``0 .. n-1``, walls ``n .. n+m-1``, laws, gravity; equal if all values are.
+
+    A pair is ``(i, j)`` with ``i < j``, the first of which is no wall. Scenes hold arrays and a mapping, so that they cannot be keys of
+    a dictionary. `Scene` (2D) and `SphereScene` (3D) name their bodies and the law between them.
+
+    Parameters
+    ----------
+    walls : sequence of Wall or PlaneWall
+    gravity : d floats, optional
+        Acceleration [m/s^2].
+    laws : mapping from pair of names to ContactLaw
+        Laws of contacts between two materials (`Bodies.material`, `AnyWall.material`), in either order; other contacts obey the law
+        between bodies or the wall's own.
+
+    Raises
+    ------
+    InvalidSceneError
+        Naming the offending body, its value and the allowed range.
+    """
+
+    walls: tuple[Any, ...] = ()
+    gravity: Any = None
+    laws: Mapping[tuple[str, str], ContactLaw] = field(default_factory=dict)
+
+    dimension: ClassVar[int]
+    kind_of_bodies: ClassVar[type[Bodies]]
+    kind_of_wall: ClassVar[type[AnyWall]]
+    __hash__ = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        kind_of(self._names()[0], self.bodies, self.kind_of_bodies)
+        kind_of(self._names()[1], self.law_of_bodies, ContactLaw)
+        object.__setattr__(self, "walls", all_of_kind("walls", self.walls, self.kind_of_wall))
+        rest = (0.0,) * self.dimension
+        gravity = rest if self.gravity is None else self.gravity
+        object.__setattr__(self, "gravity", vector("gravity", gravity, self.dimension))
+        self._check_names()
+        self._check_walls()
+        object.__setattr__(self, "laws", self._checked_laws())
+        self.law_of_bodies.check_dimension(self._names()[1], self.dimension)
+        for pair, law in self.laws.items():
+            law.check_dimension(f"law of {pair}", self.dimension)
+
+    @classmethod
+    def _names(cls) -> tuple[str, str]:
+        """Names of the fields of the bodies and of the law between them."""
+        noun = cls.kind_of_bodies.noun
+        return f"{noun}s", f"{noun}_{noun}"
+
+    @property
+    def noun(self) -> str:
+        """What a body is called in messages."""
+        return self.kind_of_bodies.noun
+
+    @property
+    def bodies(self) -> Any:
+        """The disks or spheres."""
+        return getattr(self, self._names()[0])
+
+    @property
+    def law_of_bodies(self) -> ContactLaw:
+        """Law between two bodies that no materials decide."""
+        law: ContactLaw = getattr(self, self._names()[1])
+        return law
+
+    @classmethod
+    def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
+        """Fields of the scene whose `to_dict` gave ``data``."""
+        bodies, law = cls._names()
+        return {
+            "walls": tuple(cls.kind_of_wall.from_dict(each) for each in data["walls"]),
+            bodies: cls.kind_of_bodies(**data[bodies]),
+            law: ContactLaw.from_dict(data[law]),
+            "gravity": data["gravity"],
+            "laws": {(one, two): ContactLaw.from_dict(law) for one, two, law in data.get("laws", ())},
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data for JSON; `from_dict` is its inverse, to the last bit.
+
+        What few scenes have (outlines, materials, forces, a cell, and some fields of a law) is left out where it is not there, so that
+        scenes keep the form that they had before there was this.
+        """
+        bodies, law = self._names()
+        data: dict[str, Any] = {"dimension": 3} if self.dimension == 3 else {}
+        data |= {
+            bodies: self.bodies.to_dict(),
+            law: self.law_of_bodies.to_dict(self.dimension),
+            "walls": [wall.to_dict() for wall in self.walls],
+            "gravity": list(self.gravity),
+        }
+        if self.laws:
+            data["laws"] = [[*pair, law.to_dict(self.dimension)] for pair, law in self.laws.items()]
+        return data
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Build a scene from `to_dict` data.
+
+        Raises
+        ------
+        InvalidSceneError
+            If a key is missing or unknown, or a value is not allowed.
+        """
+        try:
+            scene = cls(**cls._fields_of(data))
+        except KeyError as error:
+            raise InvalidSceneError(f"the scene lacks the key {error.args[0]!r}") from error
+        except InvalidSceneError:
+            raise
+        except (TypeError, AttributeError, ValueError) as error:
+            raise InvalidSceneError(f"the scene's data have the wrong form: {error}") from error
+        known = {each.name for each in fields(cls)}
+        unknown = set(data) - known - ({"dimension"} if cls.dimension == 3 else set())
+        if unknown:
+            raise InvalidSceneError(f"unknown key(s) in the scene: {', '.join(sorted(map(str, unknown)))}")
+        return scene
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of bodies and walls together."""
+        return len(self.bodies) + len(self.walls)
+
+    def body_name(self, body: int) -> str:
+        """Readable name of a body, for messages and figures."""
+        body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
+        n = len(self.bodies)
+        return f"{self.noun} {body}" if body < n else f"wall {self.walls[body - n].name!r}"
+
+    def wall_index(self, name: str) -> int:
+        """Body number of the wall called ``name``."""
+        for k, wall in enumerate(self.walls):
+            if wall.name == name:
+                return len(self.bodies) + k
+        known = ", ".join(wall.name for wall in self.walls) or "none"
+        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
+
+    def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
+        """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
+        bodies = body_numbers("a pair is two body numbers", pair)
+        if len(bodies) != 2:
+            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
+        i, j = bodies
+        if not (0 <= i < len(self.bodies) and i < j < self.n_bodies):
+            raise InvalidSceneError(
+                f"pair {(i, j)} is not allowed: the first body is a {self.noun} (0..{len(self.bodies) - 1}), the second a "
+                f"later {self.noun} or a wall (up to {self.n_bodies - 1})"
+            )
+        return i, j
+
+    def law(self, pair: tuple[int, int]) -> ContactLaw:
+        """Contact law of a pair."""
+        return self.law_between(*self.check_pair(pair))
+
+    def law_between(self, i: int, j: int) -> ContactLaw:
+        """Contact law of two bodies in order, which may be one and the same: it touches its own image in a periodic cell."""
+        n, one = len(self.bodies), self.bodies.material[i]
+        if j < n:
+            return self.laws.get(ordered(one, self.bodies.material[j]), self.law_of_bodies)
+        wall_law: ContactLaw = self.walls[j - n].law
+        return self.laws.get(ordered(one, self.walls[j - n].material), wall_law)
+
+    @property
+    def laws_in_use(self) -> tuple[ContactLaw, ...]:
+        """All laws that a pair of the scene can have: between bodies (of two or more, or in a cell), of each wall, of the materials."""
+        periodic = getattr(self, "cell", None) is not None
+        return (
+            *((self.law_of_bodies,) if len(self.bodies) > 1 or periodic else ()),
+            *(wall.law for wall in self.walls),
+            *self.laws.values(),
+        )
+
+    def behind_wall(self, body: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
+        """The error of a body whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
+        return BehindWallError(
+            f"the centre of {self.noun} {body} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a "
+            f"step, its contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
+        )
+
+    def unstable(self, body: int, step: float, critical: float, t: float, share: float) -> UnstableTimeStepError:
+        """The error of a contact step above the critical one that contacts have at time ``t``, times in s; most of it at ``body``.
+
+        ``share`` of the critical step is recommended.
+        """
+        return UnstableTimeStepError(
+            f"contact_dt = {step:g} s exceeds the critical step {critical:g} s that the contacts have at t = {t:g} s, stiffest at "
+            f"{self.body_name(body)}: use at most {share * critical:g} s ({share:g} of it) for accurate results, or set "
+            "allow_unstable=True to run all the same"
+        )
+
+    def too_fast(self, body: int, other: str, way: float, limit: float, t: float, step: float) -> TooFastError:
+        """The error of a body that moves by ``way`` against the ``other`` in the contact step [s] that ends at ``t`` [s]; lengths in m."""
+        return TooFastError(
+            f"{self.body_name(body)} moves {way:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
+            f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / way:g} s (now {step:g} s), "
+            "or lower the speeds"
+        )
+
+    def replace(self, **changes: Any) -> Self:
+        """Copy with some fields changed."""
+        return replace(self, **changes)
+
+    def _check_names(self) -> None:
+        names = [wall.name for wall in self.walls]
+        if len(set(names)) != len(names):
+            raise InvalidSceneError(f"wall names must be unique: {', '.join(names)}")
+
+    def _check_walls(self) -> None:
+        for a, one in enumerate(self.walls):
+            for two in self.walls[a + 1 :]:
+                facing = float(np.dot(one.normal, two.normal))
+                room = float(np.dot(one.normal, np.subtract(two.point, one.point)))
+                if facing <= -1.0 + 1e-12 and room <= 0.0:
+                    raise InvalidSceneError(
+                        f"walls {one.name!r} and {two.name!r} overlap: they face each other and the room between them is "
+                        f"{room:g} m; it must be > 0 (move one of them or turn its normal)"
+                    )
+        self._check_centres()
+
+    def _check_centres(self) -> None:
+        for wall in self.walls:
+            height = (self.bodies.x - np.array(wall.point)) @ np.array(wall.normal)
+            if len(height) and height.min() <= 0.0:
+                i = int(np.argmin(height))
+                raise InvalidSceneError(
+                    f"the centre of {self.noun} {i} lies {-height[i]:g} m behind wall {wall.name!r}: a centre must lie on the side that "
+                    "the wall's normal points to"
+                )
+
+    def _checked_laws(self) -> dict[tuple[str, str], ContactLaw]:
+        """Laws of materials that somebody has, each pair of names in alphabetical order."""
+        used = {*self.bodies.material, *(wall.material for wall in self.walls)}
+        laws: dict[tuple[str, str], ContactLaw] = {}
+        for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]
+            names = items_of("the materials of a law", pair, "two names")
+            if len(names) != 2 or not all(isinstance(name, str) for name in names):
+                raise InvalidSceneError(
+                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
+                )
+            for name in names:
+                if name not in used:
+                    known = ", ".join(map(repr, sorted(used)))
+                    raise InvalidSceneError(
+                        f"no {self.noun} and no wall is made of the material {name!r} of a law: there are {known}"
+                    )
+            if ordered(*names) in laws:
+                raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
+            laws[ordered(*names)] = kind_of(f"law of {shown(pair)}", law, ContactLaw)
+        return laws
+
+
+def ordered(one: str, two: str) -> tuple[str, str]:
+    """Names of two materials in alphabetical order."""
+    return (one, two) if one <= two else (two, one)
