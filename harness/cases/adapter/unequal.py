@@ -18,9 +18,9 @@ from ninedisk.harness.cases.contact.cluster import CASE as CLUSTER
 from ninedisk.harness.cases.contact.moving_wall import CASE as MOVING_WALL
 from ninedisk.harness.cases.contact.orbit import CASE as ORBIT
 from ninedisk.harness.cases.contact.reopening import CASE as REOPENING
+from ninedisk.harness.cases.contact.unequal_spheres import CASE as SPHERES
 from ninedisk.harness.cases.impact.binary import CASE as BINARY
 from ninedisk.harness.cases.impact.two_disks import CASE as TWO_DISKS
-from ninedisk.harness.cases.spheres.unequal import CASE as SPHERES
 
 HEAVY: Mapping[str, Value] = {"restitution": 0.5, "mass": 3e3, "mass_2": 5e3, "radius": 0.4, "radius_2": 0.7}
 """Of a head-on impact: masses far from 1."""

@@ -14,7 +14,7 @@ from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
 from ninedisk.harness.cases.invariance.frames import Frame, SpaceFrame
 from ninedisk.harness.cases.invariance.observers import CASES, SCENES, UNITS
-from ninedisk.harness.cases.spheres.observers import AXES, SEEN
+from ninedisk.harness.cases.invariance.sphere_observers import AXES, SEEN
 from ninedisk.harness.engines.bullet.adapter import ENGINE as BULLET
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.esys_particle.adapter import ENGINE as ESYS

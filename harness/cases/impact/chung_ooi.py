@@ -16,7 +16,7 @@ from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single
-from ninedisk.harness.cases.spheres.impact import ROUND_OFF, observed_of, rebound_checks, setup_of
+from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, observed_of, rebound_checks, setup_of
 from ninedisk.harness.results.figures import Drawn, Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, hertz_shift
 from ninedisk.references.hertz_mindlin import UNLOADING, Contact, rebound

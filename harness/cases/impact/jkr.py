@@ -15,7 +15,7 @@ from ninedisk.core.scene import Spheres, SphereScene
 from ninedisk.harness.api.case import Check, Headline, KnownDifference, Observed, Parameter, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.differences import FINDING_WORDS
-from ninedisk.harness.cases.spheres.impact import SPHERES
+from ninedisk.harness.cases.impact.sphere_impact import SPHERES
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import hertz_impact
 from ninedisk.references.analytic.impact.jkr import neck, restitution, stable_contact, sticking_speed

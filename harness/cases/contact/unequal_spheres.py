@@ -37,7 +37,7 @@ from ninedisk.harness.cases.common import (
     softness,
 )
 from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.spheres.impact import ROUND_OFF, peak, rebound_checks, rebound_within
+from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, peak, rebound_checks, rebound_within
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, hertz_shift
 from ninedisk.references.hertz_mindlin import Contact, Spun, rebound
@@ -62,7 +62,7 @@ AHEAD, SAMPLES, AFTER, SUBSTEPS = 3.3, 100, 8, 8
 """Samples before the touch, in the shortest elastic impact, and after the longest; contact steps in each."""
 
 PEAK = 1e-7
-"""Of the top of a parabola through samples a hundredth of the impact apart, see `ninedisk.harness.cases.spheres.chung_ooi`."""
+"""Of the top of a parabola through samples a hundredth of the impact apart, see `ninedisk.harness.cases.impact.chung_ooi`."""
 
 PHASE = 0.02
 """Of linear springs in a contact step, omega dt."""
@@ -210,7 +210,7 @@ def _impact_ends(params: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
 
 
 def _impact_seen(params: Mapping[str, Any], history: History) -> tuple[dict[str, Any], dict[str, Any]]:
-    """As `ninedisk.harness.cases.spheres.impact.observed_of`, of each meeting."""
+    """As `ninedisk.harness.cases.impact.sphere_impact.observed_of`, of each meeting."""
     series: dict[str, Any] = {}
     scalars: dict[str, Any] = {}
     v, w = history.v, history.omega

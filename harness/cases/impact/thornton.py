@@ -14,7 +14,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Par
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DT, contact_step, phase_error, soft_reason, softness
 from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.spheres.impact import ROUND_OFF, observed_of, rebound_checks, rebound_within, setup_of
+from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, observed_of, rebound_checks, rebound_within, setup_of
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound

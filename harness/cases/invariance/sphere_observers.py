@@ -10,7 +10,8 @@ from typing import Any
 from ninedisk.harness.api.case import Headline, Observed, Parameter, Setup
 from ninedisk.harness.cases.invariance.frames import SpaceFrame
 from ninedisk.harness.cases.invariance.observers import UNIT, UNITS, Invariance, Scenes
-from ninedisk.harness.cases.spheres import on_plane, stack
+from ninedisk.harness.cases.rolling import on_plane
+from ninedisk.harness.cases.static import sphere_stack as stack
 
 SEEN: Scenes = {
     "throw": (on_plane.ROLLING, {"mu": 0.3}, frozenset({"vx", "spin", "beside"})),

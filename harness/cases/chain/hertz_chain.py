@@ -16,7 +16,7 @@ from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Par
 from ninedisk.harness.api.claims import Cells, Claim, UndecidedError, Verdict, scalar
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
-from ninedisk.harness.cases.spheres.impact import MARGIN
+from ninedisk.harness.cases.impact.sphere_impact import MARGIN
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, solitary_speed
 from ninedisk.references.hertz_chain import stepped_row, struck_row

@@ -10,7 +10,7 @@ import pytest
 
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.cases.spheres.turned import KS, LOADED, RADIUS
+from ninedisk.harness.cases.contact.turned_shear import KS, LOADED, RADIUS
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 
 CASE = get_case("spheres/turned")

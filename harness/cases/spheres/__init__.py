@@ -1,1 +1,0 @@
-"""Problems of spheres in space."""
