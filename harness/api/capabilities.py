@@ -80,6 +80,12 @@ ROLLING: Mapping[RollingModel, Capability] = {
 }
 """What a law's rolling resistance asks of an engine."""
 
+TWISTING: Mapping[RollingModel, Capability] = {
+    "constant": Capability.TWISTING_CONSTANT,
+    "elastic-plastic": Capability.TWISTING_SPRING,
+}
+"""As `ROLLING`, of spin about the normal."""
+
 EXTRAS = frozenset(ROLLING.values()) | {
     Capability.MATERIALS,
     Capability.BODY_FORCES,
@@ -135,81 +141,22 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
     A contact whose stiffness only regularises a rigid one (``ContactLaw.regularised``) asks for either the linear
     contact or an impact law; it is therefore left to the engine's ``supports`` and not listed here.
     """
-    if isinstance(scene, SphereScene):
-        return _needed_in_space(scene, numerics)
-    need: set[Capability] = set()
-    laws = scene.laws_in_use
-    for law in laws:
-        if law.rolling is not None and scene.disks.rotating.any():
+    bodies = scene.bodies
+    turning = bool(bodies.rotating.any())
+    need: set[Capability] = set() if isinstance(scene, Scene) else {Capability.SPHERES}
+    for law in scene.laws_in_use:
+        if turning and law.rolling is not None:
             need.add(ROLLING[law.rolling.model])
+        if turning and law.twisting is not None:
+            need.add(TWISTING[law.twisting.model])
         if law.cohesion > 0.0:
             need.add(Capability.COHESION)
         if law.adhesion > 0.0:
             need.add(Capability.ADHESION)
-        if law.contact == "area":
-            need.add(Capability.AREA_CONTACT)
-        if not law.regularised:
-            need.add(Capability.LINEAR_CONTACT)
-            if law.beta > 0.0:
-                need.add(Capability.CONTACT_DAMPING)
-        if law.mu > 0.0:
-            need.add(Capability.FRICTION)
-            if not law.regularised:
-                need.add(Capability.SHEAR_SPRING)
-                if scene.disks.rotating.any():
-                    need.add(LEVER_ARMS[law.lever_arm])
-    need |= {SLIP_AT[law.slip_at] for law in _turning(scene)}
-    if scene.xi > 0.0:
-        central = numerics.damping_form == "central"
-        need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
-    for wall in scene.walls:
-        for segment in wall.motion:
-            if any(segment.velocity):
-                need.add(Capability.MOVING_WALLS)
-            if segment.angular_velocity:
-                need.add(Capability.ROTATING_WALLS)
-            if any(segment.amplitude) or any(segment.tan_lever):
-                need.add(Capability.CURVED_WALL_MOTION)
-    if any(scene.gravity):
-        need.add(Capability.GRAVITY)
-    if (scene.disks.outline >= 0).any():
-        need.add(Capability.OUTLINES)
-    fixed = scene.disks.fixed
-    if fixed.any():
-        need.add(Capability.FIXED_DISKS)
-    if not scene.disks.rotating[~fixed].all():
-        need.add(Capability.BLOCKED_ROTATION)
-    if scene.disks.held[~fixed].any():
-        need.add(Capability.HELD_MOTION)
-    if scene.laws:
-        need.add(Capability.MATERIALS)
-    if scene.forces:
-        need.add(Capability.BODY_FORCES)
-    if scene.cell is not None:
-        need.add(Capability.PERIODIC_CELL)
-    if numerics.energy_budget:
-        need.add(Capability.ENERGY_BUDGET)
-    if numerics.regime == "quasi-static":
-        need.add(Capability.QUASI_STATIC)
-    if any(scene.initial_shear.values()):
-        need.add(Capability.PRELOAD)
-    if scene.disks.rotating.any() and any(law.mu > 0.0 for law in laws):
-        need.add(Capability.DISK_INERTIA)
-    return frozenset(need)
-
-
-def _needed_in_space(scene: SphereScene, numerics: Numerics) -> frozenset[Capability]:
-    need, spheres = {Capability.SPHERES}, scene.spheres
-    turning = bool(spheres.rotating.any())
-    for law in scene.laws_in_use:
-        for resistance, springs, constant in (
-            (law.rolling, Capability.ROLLING_SPRING, Capability.ROLLING_CONSTANT),
-            (law.twisting, Capability.TWISTING_SPRING, Capability.TWISTING_CONSTANT),
-        ):
-            if resistance is not None and turning:
-                need.add(springs if resistance.model == "elastic-plastic" else constant)
         if law.surface_energy > 0.0:
             need.add(Capability.SURFACE_DMT if law.surface == "dmt" else Capability.SURFACE_JKR)
+        if law.contact == "area":
+            need.add(Capability.AREA_CONTACT)
         if law.mu > 0.0:
             need.add(Capability.FRICTION)
         if law.regularised:
@@ -223,24 +170,23 @@ def _needed_in_space(scene: SphereScene, numerics: Numerics) -> frozenset[Capabi
                 need.add(UNLOADING[law.unloading])
             if turning:
                 need.add(LEVER_ARMS[law.lever_arm])
-            if turning or len(spheres) > 1:
-                need.add(SLIP_AT[law.slip_at])
+    need |= {SLIP_AT[law.slip_at] for law in _turning(scene)}
     for wall in scene.walls:
         for segment in wall.motion:
             if any(segment.velocity):
                 need.add(Capability.MOVING_WALLS)
-            if any(segment.angular_velocity):
+            if np.any(segment.angular_velocity):
                 need.add(Capability.ROTATING_WALLS)
-            if any(segment.amplitude):
+            if any(segment.amplitude) or any(getattr(segment, "tan_lever", ())):
                 need.add(Capability.CURVED_WALL_MOTION)
     if any(scene.gravity):
         need.add(Capability.GRAVITY)
-    fixed = spheres.fixed
+    fixed = bodies.fixed
     if fixed.any():
         need.add(Capability.FIXED_DISKS)
-    if not spheres.rotating[~fixed].all():
+    if not bodies.rotating[~fixed].all():
         need.add(Capability.BLOCKED_ROTATION)
-    if spheres.held[~fixed].any():
+    if bodies.held[~fixed].any():
         need.add(Capability.HELD_MOTION)
     if scene.laws:
         need.add(Capability.MATERIALS)
@@ -248,27 +194,32 @@ def _needed_in_space(scene: SphereScene, numerics: Numerics) -> frozenset[Capabi
         need.add(Capability.ENERGY_BUDGET)
     if numerics.regime == "quasi-static":
         need.add(Capability.QUASI_STATIC)
-    return frozenset(need)
+    return frozenset(need | _needed_in_2d(scene, numerics) if isinstance(scene, Scene) else need)
+
+
+def _needed_in_2d(scene: Scene, numerics: Numerics) -> set[Capability]:
+    """What only scenes in 2D can ask for."""
+    need = set()
+    if scene.xi > 0.0:
+        central = numerics.damping_form == "central"
+        need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
+    if (scene.disks.outline >= 0).any():
+        need.add(Capability.OUTLINES)
+    if scene.forces:
+        need.add(Capability.BODY_FORCES)
+    if scene.cell is not None:
+        need.add(Capability.PERIODIC_CELL)
+    if any(scene.initial_shear.values()):
+        need.add(Capability.PRELOAD)
+    if scene.disks.rotating.any() and any(law.mu > 0.0 for law in scene.laws_in_use):
+        need.add(Capability.DISK_INERTIA)
+    return need
 
 
 def capabilities_asked(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
     """What a scene asks of whatever engine runs it: `capabilities_needed`, and of a contact whose stiffness only regularises a
     rigid one both the springs and the impact law, of which an engine uses one."""
-    sprung: Scene | SphereScene
-    if isinstance(scene, SphereScene):
-        sprung = replace(
-            scene,
-            sphere_sphere=replace(scene.sphere_sphere, regularised=False),
-            walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
-            laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
-        )
-    else:
-        sprung = replace(
-            scene,
-            disk_disk=replace(scene.disk_disk, regularised=False),
-            walls=tuple(replace(wall, law=replace(wall.law, regularised=False)) for wall in scene.walls),
-            laws={pair: replace(law, regularised=False) for pair, law in scene.laws.items()},
-        )
+    sprung = scene.with_laws(lambda law: replace(law, regularised=False))
     impact = any(law.restitution for law in scene.laws_in_use)
     return (
         capabilities_needed(scene, numerics)
@@ -277,12 +228,15 @@ def capabilities_asked(scene: Scene | SphereScene, numerics: Numerics) -> frozen
     )
 
 
-def _turning(scene: Scene) -> list[ContactLaw]:
+def _turning(scene: Scene | SphereScene) -> list[ContactLaw]:
     """Laws of shear springs whose slip is not the same in the middle of a step and at its end.
 
-    Between disks the normal turns. At walls it does where they rotate; else only the overlap changes in a step, which shortens the arm
-    of a spin.
+    Between bodies the normal turns. At walls it does where they rotate; else only the overlap changes in a step, which shortens the arm
+    of a spin. In 3D all laws count where bodies turn or there are several.
     """
+    if not isinstance(scene, Scene):
+        together = scene.bodies.rotating.any() or len(scene.bodies) > 1
+        return [law for law in scene.laws_in_use if law.mu > 0.0 and not law.regularised and together]
     laws = [scene.disk_disk] if len(scene.disks) > 1 else []
     for wall in scene.walls:
         rotates = any(segment.angular_velocity for segment in wall.motion)
