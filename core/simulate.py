@@ -66,7 +66,7 @@ def simulate(
     if isinstance(scene, SphereScene):
         if method != "dem":
             raise InvalidNumericsError(f"method = {method!r} is not allowed for spheres: use 'dem'")
-        from ninedisk.core.spheres.session import SphereSession
+        from ninedisk.core.dem.space.session import SphereSession
 
         return SphereSession(scene, numerics, watch, particles, threads=threads).run(progress)
     check_run(scene, numerics)

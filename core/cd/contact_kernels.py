@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.cd.problem_kernels import contact_velocity
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import dashpot
+from ninedisk.core.dem.plane.force_kernels import dashpot
 
 Floats = NDArray[np.float64]
 

@@ -41,8 +41,8 @@ from ninedisk.core.cd.solvers.outcome import SolverResult
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.dem.neighbours import PairFinder
 from ninedisk.core.errors import InvalidSceneError, NoEquilibriumError, NonFiniteStateError, SolverNotConvergedError
+from ninedisk.core.pose import PIVOT_VX, PIVOT_VY, PIVOT_X, PIVOT_Y, TURN_RATE
 from ninedisk.core.scene import Scene
-from ninedisk.core.scene.motion_kernels import PIVOT_VX, PIVOT_VY, PIVOT_X, PIVOT_Y, TURN_RATE
 
 TOUCHING = 1e-9
 """Overlap over radius up to which a rigid contact counts as touching: the rounding of a scene's coordinates."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.critical import NEAR, critical_time_step, normal_arms, packed_time_step, stiffening
-from ninedisk.core.dem.force_kernels import CHUNK, PAIR_KN, SCRATCH, note_pairs
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
+from ninedisk.core.dem.plane.force_kernels import CHUNK, PAIR_KN, SCRATCH, note_pairs
 from ninedisk.core.dem.state import (
     COHESION,
     CONSTANT,

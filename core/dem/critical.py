@@ -29,10 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray, IntArray
-from ninedisk.core.dem.critical_kernels import Network, lanczos
-from ninedisk.core.dem.grains import equal_radii, needs_outlines, outline_arrays
-from ninedisk.core.dem.images import close_images
 from ninedisk.core.dem.neighbours import PairFinder
+from ninedisk.core.dem.plane.critical_kernels import Network, lanczos
+from ninedisk.core.dem.plane.grains import equal_radii, needs_outlines, outline_arrays
+from ninedisk.core.dem.plane.images import close_images
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.numerics import DampingForm
 from ninedisk.core.nurbs.curve import NurbsCurve
@@ -40,9 +40,9 @@ from ninedisk.core.nurbs.intersect import NurbsGrains
 from ninedisk.core.nurbs.mass import farthest
 from ninedisk.core.nurbs.state import ContactRows
 from ninedisk.core.nurbs.table import outline_points
+from ninedisk.core.pose import NORMAL_X, PIVOT_X, POINT_X, POSE
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.scene.motion import compile_motion, wall_poses
-from ninedisk.core.scene.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE
 
 NEAR = 1e-3
 """Pairs with a gap below this fraction of the smaller radius count as contacts of the network."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray, IntArray
-from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
+from ninedisk.core.dem.plane.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.state import OK, Cells, NeighbourList
 from ninedisk.core.errors import InvalidSceneError, NonFiniteStateError
 

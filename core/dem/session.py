@@ -37,13 +37,14 @@ from ninedisk.core.dem.arrays import (
 )
 from ninedisk.core.dem.critical import Place, present_time_step
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
-from ninedisk.core.dem.force_kernels import SCRATCH
-from ninedisk.core.dem.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
-from ninedisk.core.dem.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
-from ninedisk.core.dem.images import check_cell, enter_image_preload, first_images, with_more_pairs
 from ninedisk.core.dem.leaps import leaping_pair
-from ninedisk.core.dem.neighbour_kernels import rebuild
 from ninedisk.core.dem.neighbours import check_crowd, grown
+from ninedisk.core.dem.plane.force_kernels import SCRATCH
+from ninedisk.core.dem.plane.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
+from ninedisk.core.dem.plane.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
+from ninedisk.core.dem.plane.images import check_cell, enter_image_preload, first_images, with_more_pairs
+from ninedisk.core.dem.plane.neighbour_kernels import rebuild
+from ninedisk.core.dem.plane.step_kernels import advance
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.state import (
     COUNT,
@@ -62,7 +63,6 @@ from ninedisk.core.dem.state import (
     System,
     WallArrays,
 )
-from ninedisk.core.dem.step_kernels import advance
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.law import check_shear_springs
@@ -76,9 +76,9 @@ from ninedisk.core.numerics import (
     watched_pairs,
 )
 from ninedisk.core.options import read_options
+from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.motion import compile_motion
-from ninedisk.core.scene.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import whole
 

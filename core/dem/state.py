@@ -209,7 +209,7 @@ class WallArrays(NamedTuple):
 
 
 class Images(NamedTuple):
-    """Images of n disks in a periodic cell (`ninedisk.core.dem.image_kernels`); s stripes.
+    """Images of n disks in a periodic cell (`ninedisk.core.dem.plane.image_kernels`); s stripes.
 
     Attributes
     ----------

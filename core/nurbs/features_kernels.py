@@ -23,7 +23,7 @@ from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, bend_at, tangent
 from ninedisk.core.nurbs.lens_kernels import extent_on
 from ninedisk.core.nurbs.roots_kernels import deepest, normal_step
 from ninedisk.core.nurbs.state import FULL, TOO_DEEP, FeatureRows, Vertices
-from ninedisk.core.scene.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 DEEPEST = 0.05
 """Overlap over the smaller radius up to which a contact is followed; it leaves the far sides of both bodies alone."""

@@ -62,7 +62,7 @@ def settled_spheres(n: int, *, progress: Callable[[int, int], None] | None = Non
     progress : callable, optional
         Called with (steps done, all steps).
     """
-    from ninedisk.core.spheres.session import SphereSession, contact_step
+    from ninedisk.core.dem.space.session import SphereSession, contact_step
 
     scene = poured_spheres(n)
     height = float(scene.spheres.x[:, 2].max()) + RADIUS

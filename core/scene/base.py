@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
@@ -218,6 +218,14 @@ class AnyScene:
     def replace(self, **changes: Any) -> Self:
         """Copy with some fields changed."""
         return replace(self, **changes)
+
+    def with_laws(self, change: Callable[[ContactLaw], ContactLaw]) -> Self:
+        """Copy in which each law is what ``change`` makes of it."""
+        return self.replace(
+            **{self._names()[1]: change(self.law_of_bodies)},
+            walls=tuple(replace(wall, law=change(wall.law)) for wall in self.walls),
+            laws={pair: change(law) for pair, law in self.laws.items()},
+        )
 
     def _check_names(self) -> None:
         names = [wall.name for wall in self.walls]

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.pose import NORMAL_X, PIVOT_X, POINT_X, POSE
 from ninedisk.core.scene import Wall, WallSegment
-from ninedisk.core.scene.motion_kernels import NORMAL_X, PIVOT_X, POINT_X, POSE, WallMotion, place_walls
+from ninedisk.core.scene.motion_kernels import WallMotion, place_walls
 
 
 def compile_motion(walls: Sequence[Wall]) -> WallMotion:

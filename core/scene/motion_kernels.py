@@ -9,15 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-
-POINT_X, POINT_Y, NORMAL_X, NORMAL_Y, PIVOT_X, PIVOT_Y, PIVOT_VX, PIVOT_VY, TURN_RATE, DASHPOT_VX, DASHPOT_VY = range(
-    11
+from ninedisk.core.pose import (
+    DASHPOT_VX,
+    DASHPOT_VY,
+    NORMAL_X,
+    NORMAL_Y,
+    PIVOT_VX,
+    PIVOT_VY,
+    PIVOT_X,
+    PIVOT_Y,
+    POINT_X,
+    POINT_Y,
+    TURN_RATE,
 )
-"""Columns of a wall's pose: a point of its surface [m], the normal into the free side, the pivot [m] and its velocity [m/s], rotation
-rate [rad/s], and the pivot's velocity that dashpots see [m/s]."""
-
-POSE = 11
-"""Number of columns of a pose."""
 
 
 class WallMotion(NamedTuple):

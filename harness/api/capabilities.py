@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 
+import numpy as np
+
 from ninedisk.core.law import RollingModel, Unloading
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt, SphereScene

@@ -40,7 +40,7 @@ def contact_steps(scene: Scene | SphereScene, numerics: Numerics) -> tuple[int, 
         If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
     """
     if isinstance(scene, SphereScene):
-        from ninedisk.core.spheres.session import contact_step as step_in_space
+        from ninedisk.core.dem.space.session import contact_step as step_in_space
 
         contact_dt, _ = step_in_space(scene, numerics)
     else:

@@ -12,11 +12,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from ninedisk.core.dem.space.session import SORT_FROM, SphereSession, contact_step
 from ninedisk.core.law import LeverArm, SlipAt, SphereLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.packings.spheres import MATERIAL, settled_spheres
 from ninedisk.core.scene import SphereScene
-from ninedisk.core.spheres.session import SORT_FROM, SphereSession, contact_step
 from ninedisk.harness.bench import dem
 from ninedisk.harness.bench.dem import DemProblem, Peer
 from ninedisk.harness.bench.measure import Sample

@@ -16,8 +16,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import NOTE_PRELOAD, rigid_support, without_spring_preload

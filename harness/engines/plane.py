@@ -16,8 +16,7 @@ import numpy as np
 
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene, Wall
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene, Wall
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ninedisk.core.history import History, Pair
-from ninedisk.core.spheres.scene import PlaneSegment, SphereScene
+from ninedisk.core.scene import PlaneSegment, SphereScene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.plane import WorldSession
 

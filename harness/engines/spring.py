@@ -11,10 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ninedisk.core.history import Pair
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import ContactLaw, Scene, Wall
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneWall, SphereScene
+from ninedisk.core.scene import ContactLaw, PlaneWall, Scene, SphereScene, Wall
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel

@@ -7,8 +7,8 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-FORCES, KICK, STEP = "dem.force_kernels", "dem.kick_kernels", "dem.step_kernels"
-SEARCH, MOTION, IMAGES = "dem.neighbour_kernels", "scene.motion_kernels", "dem.image_kernels"
+FORCES, KICK, STEP = "dem.plane.force_kernels", "dem.plane.kick_kernels", "dem.plane.step_kernels"
+SEARCH, MOTION, IMAGES = "dem.plane.neighbour_kernels", "scene.motion_kernels", "dem.plane.image_kernels"
 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
@@ -79,7 +79,7 @@ CONTACTS = (
             (SEARCH, "if dx * dx + dy * dy < limit * limit:",
              "if (i + j) % 5 != 0 and dx * dx + dy * dy < limit * limit:")),
     _kernel("no-skin", "the contact search ignores the skin: contacts are missed until the next rebuild", "hit",
-            ("dem.neighbour_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
+            ("dem.plane.neighbour_kernels", "code = build_pairs(disks.x, disks.radius, skin, cells",
              "code = build_pairs(disks.x, disks.radius, 0.0, cells")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
             (STEP, _LIMIT, "return 1e100")),
@@ -98,7 +98,7 @@ STEPPING = (
     _kernel("single-precision", "positions are kept in single precision", "press",
             (KICK, "x[q] += dt * v[q]", "x[q] = np.float32(x[q] + dt * v[q])")),
     _kernel("unsynchronised", "velocities are reported at half steps", "slide",
-            ("dem.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
+            ("dem.plane.sample_kernels", "return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)",
              "return value + 0.0 * acceleration")),
     _kernel("wall-late", "walls stand where they were a step before", "press",
             (STEP, "t, t_half = n * step.kick.dt, (n - 0.5) * step.kick.dt",
@@ -185,15 +185,15 @@ STRIPED = (
             *SORT_ALL, (STEP, "kicked_from = team.border[s] if parity == 0 else stripe[s]", "kicked_from = stripe[s]"),
             (STEP, "far = farther(far, kick_borders(system, images, n, thread, threads))", "far += 0.0")),
     _kernel("border-narrow", "the border of a stripe ends one disk too early", "stack",
-            *SORT_ALL, ("dem.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
+            *SORT_ALL, ("dem.plane.neighbour_kernels", "cells.start[(row + 1) * nx]", "cells.start[row * nx]")),
     _kernel("load-of-a-stripe", "the first stripe's load on the walls is lost", "stack",
             *SORT_ALL, (STEP, "for s in range(walls.share.shape[0]):", "for s in range(1, walls.share.shape[0]):")),
     _kernel("order-of-samples", "samples have the disks in the order of the cells", "reopen-far",
-            *SORT_ALL, ("dem.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
+            *SORT_ALL, ("dem.plane.sample_kernels", "i = disks.place[samples.chosen[c]]", "i = samples.chosen[c]")),
     _kernel("order-of-spins", "spins stay behind when disks are brought into the order of the cells", "reopen-far",
-            *SORT_ALL, ("dem.neighbour_kernels", "    permute(disks.omega, order, one)\n", "")),
+            *SORT_ALL, ("dem.plane.neighbour_kernels", "    permute(disks.omega, order, one)\n", "")),
     _kernel("order-of-history", "shear forces follow the rows of the lists instead of the disks", "shear-caps",
-            *SORT_ALL, ("dem.neighbour_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
+            *SORT_ALL, ("dem.plane.neighbour_kernels", "    permute_numbers(disks.listed, order, one)\n", "")),
 )  # fmt: skip
 
 CELLS = (

@@ -6,7 +6,7 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
-FORCES, LENS, WALL = "dem.grain_kernels", "nurbs.lens_kernels", "nurbs.wall_kernels"
+FORCES, LENS, WALL = "dem.plane.grain_kernels", "nurbs.lens_kernels", "nurbs.wall_kernels"
 MEETINGS, FEATURES = "cd.contact_kernels", "nurbs.features_kernels"
 
 _kernel, _cd_kernel = partial(planted, "dem", "kernel"), partial(planted, "cd", "kernel")

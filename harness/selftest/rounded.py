@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem import state
 from ninedisk.core.dem.session import DemSession
+from ninedisk.core.dem.space.session import SphereSession
+from ninedisk.core.dem.space.step_kernels import STEP
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.core.spheres.session import SphereSession
-from ninedisk.core.spheres.step_kernels import STEP
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Stopwatch, Support, timings_of
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.cd.adapter import expressed

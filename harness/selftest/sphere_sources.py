@@ -7,9 +7,9 @@ from functools import partial
 from ninedisk.harness.selftest.defect import planted
 
 FORCES, LAW, VECTORS, PLANES, LISTS, STEPS = (
-    f"spheres.{each}_kernels" for each in ("force", "law", "vector", "plane", "neighbour", "step")
+    f"dem.space.{each}_kernels" for each in ("force", "law", "vector", "plane", "neighbour", "step")
 )
-ARRAYS = "spheres.arrays"
+ARRAYS = "dem.space.arrays"
 
 _kernel, _python = partial(planted, "spheres", "kernel"), partial(planted, "spheres", "python")
 

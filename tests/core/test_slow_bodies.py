@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from ninedisk.core import Cell, ContactLaw, Disks, History, Numerics, Scene
 from ninedisk.core.dem.session import DemSession
+from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.law import SphereLaw
 from ninedisk.core.scene import Spheres, SphereScene
-from ninedisk.core.spheres.session import SphereSession
 
 DT, KN = 1e-3, 1e4
 GAP = 0.05

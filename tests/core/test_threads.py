@@ -22,9 +22,9 @@ from ninedisk.core import (
 )
 from ninedisk.core.dem import session as session_module
 from ninedisk.core.dem.arrays import LINE
+from ninedisk.core.dem.plane.step_kernels import BLOCK
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
-from ninedisk.core.dem.step_kernels import BLOCK
 
 LAW = ContactLaw(kn=KN, ks=0.5 * KN, mu=0.5, beta=0.05)
 FIELDS = ("x", "v", "angle", "omega", "gap", "fn", "fs")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from ninedisk.core import history, numerics, scene
-from ninedisk.core.spheres import law as sphere_law
-from ninedisk.core.spheres import scene as space
+from ninedisk.core.dem.space import law as sphere_law
+from ninedisk.core.dem.space import scene as space
 
 pytestmark = pytest.mark.tree
 CLASSES = {

@@ -11,7 +11,7 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.engines.bullet.space import IN_SPACE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts

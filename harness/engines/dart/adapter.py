@@ -14,7 +14,7 @@ from typing import Any
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins

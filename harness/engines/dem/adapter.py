@@ -6,19 +6,18 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import ninedisk
-from ninedisk.core.dem.grains import needs_outlines
+from ninedisk.core.dem.plane.grains import needs_outlines
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.core.threads import MOST_THREADS
 from ninedisk.harness.api.capabilities import ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 
 if TYPE_CHECKING:
     from ninedisk.core.dem.session import DemSession
-    from ninedisk.core.spheres.session import SphereSession
+    from ninedisk.core.dem.space.session import SphereSession
 
 OPTIONS: Mapping[str, Option] = {
     "threads": Option(
@@ -47,7 +46,7 @@ IN_SPACE = LACKS - {Capability.HELD_MOTION}
 
 
 class DemEngine:
-    """`ninedisk.core.dem` and, in space, `ninedisk.core.spheres`: central differences, contact springs."""
+    """`ninedisk.core.dem` and, in space, `ninedisk.core.dem.space`: central differences, contact springs."""
 
     id = "dem"
 
@@ -82,7 +81,7 @@ class DemEngine:
         return Support(SupportLevel.EXACT)
 
     def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene on `ninedisk.core.dem.session.DemSession` or `ninedisk.core.spheres.session.SphereSession`."""
+        """Run the scene on `ninedisk.core.dem.session.DemSession` or `ninedisk.core.dem.space.session.SphereSession`."""
         from ninedisk.core.dem.arrays import FIRST_SKIN, LEAST_SKIN, MOST_SKIN
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
@@ -118,7 +117,7 @@ class DemEngine:
         """Go on from a checkpoint to the last step; timings count nothing."""
         from ninedisk.core.archive import read_arrays
         from ninedisk.core.dem.session import DemSession
-        from ninedisk.core.spheres.session import SphereSession
+        from ninedisk.core.dem.space.session import SphereSession
 
         head = str(read_arrays(path, "checkpoint of a DEM run").get("head", ""))
         kind: type[DemSession | SphereSession] = SphereSession if '"dimension": 3' in head else DemSession
@@ -135,7 +134,7 @@ def _session(
     scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], threads: int
 ) -> DemSession | SphereSession:
     if isinstance(scene, SphereScene):
-        from ninedisk.core.spheres.session import SphereSession
+        from ninedisk.core.dem.space.session import SphereSession
 
         return SphereSession(scene, numerics, watch, threads=threads)
     from ninedisk.core.dem.session import DemSession

@@ -11,8 +11,7 @@ import numpy as np
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces

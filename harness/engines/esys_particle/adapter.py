@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.esys_particle.space import ESYS_IN_SPACE

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.engines.kratos.space import KRATOS_IN_SPACE

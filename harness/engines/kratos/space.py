@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, Capability
 from ninedisk.harness.engines.plane import wall_reach
 from ninedisk.harness.engines.spring import (

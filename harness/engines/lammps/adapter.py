@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene, Wall, WallSegment
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import contact_steps

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene, Wall
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene, Wall
 from ninedisk.harness.api.capabilities import SPACE, Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import contact_steps

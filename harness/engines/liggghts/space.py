@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.support import contact_steps

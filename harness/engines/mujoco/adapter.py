@@ -16,8 +16,7 @@ from collections.abc import Sequence
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
-from ninedisk.core.scene import Scene
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.mujoco.space import IN_SPACE, SHARED_CONE, refused_in_space

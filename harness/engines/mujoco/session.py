@@ -28,10 +28,10 @@ import mujoco
 import numpy as np
 
 from ninedisk.core.history import History, Pair
+from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw
-from ninedisk.core.spheres.law import SphereLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS

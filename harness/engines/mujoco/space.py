@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.space import partly_held
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.space import PlanePoses, twists

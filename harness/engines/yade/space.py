@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.scene import SphereScene
+from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.engines.spring import IN_SPACE, NOTE_MEAN, Fit, InSpace, fit_arms, rough, uneven_planes
 

@@ -11,8 +11,8 @@ from scenes import KN, difference, imploding, numerics, run
 
 from ninedisk.core import ContactLaw, Disks, History, Scene, Wall
 from ninedisk.core.dem import arrays as arrays_module
-from ninedisk.core.dem.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
+from ninedisk.core.dem.plane.neighbour_kernels import build_pairs, build_wall_pairs, sort_into_cells
 from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import NOT_FINITE, OK, PAIRS_FULL, REBUILDS, WALL_PAIRS_FULL
 from ninedisk.core.scene.motion import compile_motion, wall_poses

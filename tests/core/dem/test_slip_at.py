@@ -18,10 +18,10 @@ from ninedisk.core.dem.arrays import (
     team_arrays,
     wall_arrays,
 )
-from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, disk_wall_forces, note_pairs
-from ninedisk.core.dem.grain_kernels import grain_forces
-from ninedisk.core.dem.grains import outline_arrays
 from ninedisk.core.dem.neighbours import empty_list
+from ninedisk.core.dem.plane.force_kernels import SCRATCH, disk_disk_forces, disk_wall_forces, note_pairs
+from ninedisk.core.dem.plane.grain_kernels import grain_forces
+from ninedisk.core.dem.plane.grains import outline_arrays
 from ninedisk.core.dem.state import NeighbourList, System
 from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.mass import uniform_grain

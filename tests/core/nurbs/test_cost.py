@@ -14,8 +14,8 @@ from nurbs_shapes_of_tests import outline, periodic, ring
 from ninedisk.core import ContactLaw, Disks, Scene
 from ninedisk.core.compile import fused_kernel
 from ninedisk.core.dem.arrays import disk_arrays, disk_views, law_row
-from ninedisk.core.dem.force_kernels import SCRATCH, disk_disk_forces, shear_force
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
+from ninedisk.core.dem.plane.force_kernels import SCRATCH, disk_disk_forces, shear_force
 from ninedisk.core.dem.state import (
     BETA,
     KN,

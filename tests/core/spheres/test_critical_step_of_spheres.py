@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, simulate
+from ninedisk.core.dem.space.critical import critical_time_step
+from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.errors import TooFastError
 from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres.critical import critical_time_step
-from ninedisk.core.spheres.session import SphereSession
 
 R, MASS, KN, OVERLAP = 0.5, 2.0, 1e4, 0.05
 

@@ -12,10 +12,10 @@ from twin import law_of
 
 from ninedisk.core import InvalidSceneError, Numerics, UnstableTimeStepError, damping_ratio, simulate
 from ninedisk.core.dem.session import DemSession
+from ninedisk.core.dem.space import session
+from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres import session
-from ninedisk.core.spheres.session import SphereSession
 
 R, M, E, V = 0.01, 0.01, 5e7, 0.5
 

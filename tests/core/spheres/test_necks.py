@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ninedisk.core import Numerics, simulate
+from ninedisk.core.dem.space import session
+from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.law import SphereLaw
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.core.spheres import session
-from ninedisk.core.spheres.session import SphereSession
 from ninedisk.references.analytic.impact.jkr import neck, stable_contact, sticking_speed
 
 R, M, G, E = 0.01, 0.01, 0.05, 1e7

@@ -25,10 +25,10 @@ from ninedisk.core import (
     UnstableTimeStepError,
     simulate,
 )
+from ninedisk.core.dem.space import session as sessions
+from ninedisk.core.dem.space.session import SphereSession
+from ninedisk.core.dem.space.step_kernels import BATCH, Plan
 from ninedisk.core.history import History
-from ninedisk.core.spheres import session as sessions
-from ninedisk.core.spheres.session import SphereSession
-from ninedisk.core.spheres.step_kernels import BATCH, Plan
 
 SPRING = Rolling(model="elastic-plastic", mu=0.1, kr=40.0, beta=0.3)
 CONSTANT = Rolling(model="constant", mu=0.05)

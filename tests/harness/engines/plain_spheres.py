@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ninedisk.core.law import SphereLaw, damping_ratio
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw, damping_ratio
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.engines.spring import plane_path
 
 FLOOR = PlaneSegment(velocity=(0.02, 0.0, 0.0), angular_velocity=(0.0, 0.0, 0.5), pivot=(0.0, 0.01, 0.0))

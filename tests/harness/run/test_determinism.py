@@ -29,7 +29,7 @@ OUTLINES = "session._outlines = restored(session._outlines, arrays)"
 FORGETS = [("dem.session", OUTLINES, f"{OUTLINES}\n        arrays['disks.omega'] = 0.0 * arrays['disks.omega']")]
 
 ROW = 'session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))'
-STOPS = [("spheres.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0")]
+STOPS = [("dem.space.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0")]
 
 
 @pytest.mark.sampled(2)
@@ -44,7 +44,7 @@ STOPS = [("spheres.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0
     ],
 )
 def test_a_planted_defect_is_found_by_its_repetition(edits: Edits, kind: str, verdict: str) -> None:
-    scene = "spheres" if edits[0][0].startswith("spheres.") else "pile"
+    scene = "spheres" if edits[0][0].startswith("dem.space.") else "pile"
     row = repeated(Trial(get_engine("dem"), scene, edits), kind)
     assert row["verdict"] == verdict, row
     assert worse_than_promised({"kind": kind, **row})

@@ -121,10 +121,10 @@ def test_what_the_engine_reports_differs(defect: Defect) -> None:
 @pytest.mark.parametrize(
     ("edit", "said"),
     [
-        (Edit("dem.force_kernels", "force = before - kx * slip", "force = before"), "occurs 0 times"),
-        (Edit("dem.force_kernels", "scratch[SPIN + q]", "0.0 * scratch[SPIN + q]"), "occurs [2-9] times"),
+        (Edit("dem.plane.force_kernels", "force = before - kx * slip", "force = before"), "occurs 0 times"),
+        (Edit("dem.plane.force_kernels", "scratch[SPIN + q]", "0.0 * scratch[SPIN + q]"), "occurs [2-9] times"),
         (
-            Edit("dem.force_kernels", "force = before - ks * slip", "force = before - ks * slip"),
+            Edit("dem.plane.force_kernels", "force = before - ks * slip", "force = before - ks * slip"),
             "is its own replacement",
         ),
         (Edit("dem.no_such_module", "a", "b"), "there is no module"),

@@ -29,7 +29,7 @@ HARMLESS = Defect(
     kind="kernel",
     what="forces are multiplied by one",
     witness="slide",
-    edits=(Edit("dem.force_kernels", SPRING, f"{SPRING} * 1.0"),),
+    edits=(Edit("dem.plane.force_kernels", SPRING, f"{SPRING} * 1.0"),),
 )
 HOLE = replace(HARMLESS, name="hole", hole="it changes nothing")
 CAUGHT = Defect(
@@ -38,7 +38,7 @@ CAUGHT = Defect(
     kind="kernel",
     what="forces are a hundredth too large",
     witness="slide",
-    edits=(Edit("dem.force_kernels", SPRING, f"{SPRING} * 1.01"),),
+    edits=(Edit("dem.plane.force_kernels", SPRING, f"{SPRING} * 1.01"),),
 )
 STALE = Defect(
     name="stale", engine="dem", kind="kernel", what="", witness="slide", edits=(Edit("dem.session", "?", "!"),)

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from ninedisk.core.history import History
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.spheres.law import SphereLaw
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine

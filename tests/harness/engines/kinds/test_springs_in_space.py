@@ -14,11 +14,10 @@ from ninedisk_tests_comparison import variant
 from ninedisk_tests_plain_spheres import HERTZ, LINEAR, RUN, pile, plain_dem
 
 from ninedisk.core.history import History
-from ninedisk.core.law import Rolling
+from ninedisk.core.law import Rolling, SphereLaw, damping_ratio
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.core.simulate import simulate
-from ninedisk.core.spheres.law import SphereLaw, damping_ratio
-from ninedisk.core.spheres.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.engines.esys_particle.adapter import EsysParticle

@@ -25,7 +25,7 @@ from ninedisk.core.dem.state import (
     Team,
     WallArrays,
 )
-from ninedisk.core.scene.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 ROWS = 4
 """Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in a pass of their own. A stripe of a crowded

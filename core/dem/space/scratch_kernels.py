@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, inline_kernel
-from ninedisk.core.spheres.registers import INTERPRETED, WIDE, scale, transpose
-from ninedisk.core.spheres.state import DRAG, ROLL_DRAG, TWIST_DRAG, Contacts, Floats, Index, Vector
+from ninedisk.core.dem.space.registers import INTERPRETED, WIDE, scale, transpose
+from ninedisk.core.dem.space.state import DRAG, ROLL_DRAG, TWIST_DRAG, Contacts, Floats, Index, Vector
 
 LANES = 1 if INTERPRETED else 8
 """Numbers in the widest vectors of processors; `CHUNK` is a multiple."""

@@ -136,7 +136,7 @@ class Desk(NamedTuple):
     slot : int
         Of the stripe in this step, see `State`.
     scratch : ndarray, shape (SCRATCH,) or (SCRATCH_COUNTED,)
-        The contacts of a chunk, by columns of `ninedisk.core.spheres.scratch_kernels`.
+        The contacts of a chunk, by columns of `ninedisk.core.dem.space.scratch_kernels`.
     picked : ndarray of int64, shape (CHUNK,)
         Where they stand in their list.
     """

@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.kick_kernels import NUMBER, farther
-from ninedisk.core.spheres.force_kernels import forces_of_planes, forces_of_spheres
-from ninedisk.core.spheres.plane_kernels import place_planes
-from ninedisk.core.spheres.registers import blend, scale
-from ninedisk.core.spheres.scratch_kernels import FOUR, ONE, TWO
-from ninedisk.core.spheres.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, State, Step
-from ninedisk.core.spheres.vector_kernels import cross, dot, plus, row, scaled
+from ninedisk.core.dem.plane.kick_kernels import NUMBER, farther
+from ninedisk.core.dem.space.force_kernels import forces_of_planes, forces_of_spheres
+from ninedisk.core.dem.space.plane_kernels import place_planes
+from ninedisk.core.dem.space.registers import blend, scale
+from ninedisk.core.dem.space.scratch_kernels import FOUR, ONE, TWO
+from ninedisk.core.dem.space.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, State, Step
+from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, scaled
 from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
 SURE = 1.001
@@ -93,7 +93,7 @@ class Batch(NamedTuple):
     pose : ndarray, shape (BATCH, 3, m, POSE_WIDTH)
         Planes in each step: `NOW`, `MIDDLE`, `BEFORE`.
     scratch, picked : ndarray
-        Each thread's own, see `ninedisk.core.spheres.state.Desk`; the rest keeps two threads' apart.
+        Each thread's own, see `ninedisk.core.dem.space.state.Desk`; the rest keeps two threads' apart.
     """
 
     stripe: Integers
@@ -108,7 +108,7 @@ class Batch(NamedTuple):
 @inline_kernel
 def farthest(x: Floats, built: Floats, begin: int, end: int) -> float:
     """Largest square of the displacements from ``built`` to ``x`` of the spheres ``begin .. end-1`` [m^2]; NaN if any is NaN
-    (`ninedisk.core.dem.kick_kernels`)."""
+    (`ninedisk.core.dem.plane.kick_kernels`)."""
     bits = np.int64(0)
     for i in range(np.uint64(begin), np.uint64(end)):
         k = FOUR * i

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import aligned
+from ninedisk.core.dem.space import state as columns
+from ninedisk.core.dem.space.neighbour_kernels import Materials
+from ninedisk.core.dem.space.plane_kernels import place_planes
+from ninedisk.core.dem.space.registers import WIDE
+from ninedisk.core.dem.space.scratch_kernels import CHUNK
+from ninedisk.core.dem.space.state import Contacts, Losses, Motion
+from ninedisk.core.dem.space.step_kernels import BATCH, Batch
 from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import PlaneSegment, PlaneWall, SphereScene
-from ninedisk.core.spheres import state as columns
-from ninedisk.core.spheres.neighbour_kernels import Materials
-from ninedisk.core.spheres.plane_kernels import place_planes
-from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.scratch_kernels import CHUNK
-from ninedisk.core.spheres.state import Contacts, Losses, Motion
-from ninedisk.core.spheres.step_kernels import BATCH, Batch
 from ninedisk.core.thread_kernels import PAD
 
 RULES = {"none": columns.KEEPS, "force": columns.FORCE, "rescale": columns.RESCALE}
@@ -113,7 +113,7 @@ def law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
 
 
 def law_row(law: SphereLaw) -> list[float]:
-    """Columns of a law, as `ninedisk.core.spheres.state` names them."""
+    """Columns of a law, as `ninedisk.core.dem.space.state` names them."""
     row = [
         float(law.hertz),
         4.0 / 3.0 * law.e_star if law.hertz else law.kn,

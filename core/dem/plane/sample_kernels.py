@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import law_at_wall, law_of_pair, normal_force
-from ninedisk.core.dem.kick_kernels import falls
+from ninedisk.core.dem.plane.force_kernels import law_at_wall, law_of_pair, normal_force
+from ninedisk.core.dem.plane.kick_kernels import falls
 from ninedisk.core.dem.state import (
     BETA,
     COHESION,
@@ -42,17 +42,7 @@ from ninedisk.core.dem.state import (
 )
 from ninedisk.core.nurbs.curve_kernels import Pose
 from ninedisk.core.nurbs.features_kernels import gap_of_shapes, reach_of_shape
-from ninedisk.core.scene.motion_kernels import (
-    DASHPOT_VX,
-    DASHPOT_VY,
-    NORMAL_X,
-    NORMAL_Y,
-    PIVOT_X,
-    PIVOT_Y,
-    POINT_X,
-    POINT_Y,
-    TURN_RATE,
-)
+from ninedisk.core.pose import DASHPOT_VX, DASHPOT_VY, NORMAL_X, NORMAL_Y, PIVOT_X, PIVOT_Y, POINT_X, POINT_Y, TURN_RATE
 
 TINY = 1e-300
 """Below every inverse mass, in the place of that of a fixed disk."""

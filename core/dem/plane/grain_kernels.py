@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import normal_force, note_behind, shear_force
+from ninedisk.core.dem.plane.force_kernels import normal_force, note_behind, shear_force
 from ninedisk.core.dem.state import (
     ARM_A,
     ARM_B,
@@ -71,7 +71,7 @@ from ninedisk.core.nurbs.intersect_kernels import pair_contacts
 from ninedisk.core.nurbs.lens_kernels import segment_area
 from ninedisk.core.nurbs.state import CROSSED
 from ninedisk.core.nurbs.wall_kernels import wall_contacts
-from ninedisk.core.scene.motion_kernels import (
+from ninedisk.core.pose import (
     DASHPOT_VX,
     DASHPOT_VY,
     NORMAL_X,

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel
-from ninedisk.core.dem.force_kernels import dashpot, inverse_moment, law_at_wall, law_of_pair, rolling_dashpot
-from ninedisk.core.dem.image_kernels import XX, XY, YY, flow_at
+from ninedisk.core.dem.plane.force_kernels import dashpot, inverse_moment, law_at_wall, law_of_pair, rolling_dashpot
+from ninedisk.core.dem.plane.image_kernels import XX, XY, YY, flow_at
 from ninedisk.core.dem.state import BETA, COHESION, KN, KR, KS, MODEL, MU, SPRING, Images, Laws, System, Watch
-from ninedisk.core.scene.motion_kernels import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 
 @inline_kernel
@@ -36,7 +36,7 @@ def add_contact(
     """Add the stiffness and the dashpots of a contact of the disks in rows i and j, or with a wall (-1), to the sums of its disks.
 
     Any split of a contact between its two ends leaves no eigenvalue of all contacts above the largest sum of a disk
-    (`ninedisk.core.spheres.neighbour_kernels.stiffest`). Normal and shear spring of disks move different coordinates.
+    (`ninedisk.core.dem.space.neighbour_kernels.stiffest`). Normal and shear spring of disks move different coordinates.
     """
     disks = system.disks
     inverse, turn = disks.inv_mass[i], disks.inv_inertia[i]

@@ -53,7 +53,7 @@ from ninedisk.core.dem.state import (
     Views,
     WallArrays,
 )
-from ninedisk.core.scene.motion_kernels import (
+from ninedisk.core.pose import (
     DASHPOT_VX,
     DASHPOT_VY,
     NORMAL_X,

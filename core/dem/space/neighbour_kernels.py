@@ -1,6 +1,6 @@
 """Kernels of the lists of neighbours of spheres: cells, order of the spheres, pairs, spheres at planes.
 
-As in the plane (`ninedisk.core.dem.neighbour_kernels`), with layers of rows of cells: the pairs of a sphere are with spheres of higher
+As in 2D (`ninedisk.core.dem.plane.neighbour_kernels`), with layers of rows of cells: the pairs of a sphere are with spheres of higher
 rows, so that those of a stripe of layers reach no further than the first layer of the next one.
 """
 
@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.neighbour_kernels import next_skin, order_by_cell, permute
-from ninedisk.core.dem.state import Cells
-from ninedisk.core.spheres.law_kernels import neck_of
-from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.state import (
+from ninedisk.core.dem.plane.neighbour_kernels import next_skin, order_by_cell, permute
+from ninedisk.core.dem.space.law_kernels import neck_of
+from ninedisk.core.dem.space.registers import WIDE
+from ninedisk.core.dem.space.state import (
     BETA,
     DRAG,
     HERTZ,
@@ -41,7 +40,8 @@ from ninedisk.core.spheres.state import (
     Numbers,
     State,
 )
-from ninedisk.core.spheres.state import MEMORY_WIDTH_RESISTED as ALL
+from ninedisk.core.dem.space.state import MEMORY_WIDTH_RESISTED as ALL
+from ninedisk.core.dem.state import Cells
 
 REBUILD_COST = 10.0
 """Cost of a rebuild over that of the pairs out of contact in a step, per sphere, with a skin of a mean radius (measured: 200 ns over 8
@@ -373,7 +373,7 @@ def widen_by_necks(contacts: Contacts, laws: Floats, overlap: Floats, radius: Fl
 def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, share: float, sums: Floats) -> None:
     """Adds stiffness [1/s^2] and dashpots in C' [1/s] over the masses of listed pairs that touch to those of their spheres, shape (n, 2).
 
-    ``share`` of the dashpots is in C' (`ninedisk.core.spheres.critical`).
+    ``share`` of the dashpots is in C' (`ninedisk.core.dem.space.critical`).
 
     With p and q the ends of one spring and a, b its stiffnesses over the masses, ``(p - q)^2 <= (1 + b/a) p^2 + (1 + a/b) q^2``: no
     eigenvalue of the contacts together exceeds the largest sum of ``a + b`` over those of one sphere. Of a single contact it is that sum.

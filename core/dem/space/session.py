@@ -15,18 +15,8 @@ from ninedisk.core.dem.arrays import aligned
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
 from ninedisk.core.dem.session import Counts
-from ninedisk.core.dem.state import Cells
-from ninedisk.core.errors import (
-    InvalidNumericsError,
-    InvalidSceneError,
-    NonFiniteStateError,
-    UnstableTimeStepError,
-)
-from ninedisk.core.history import History, Pair
-from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
-from ninedisk.core.scene import PlaneWall, SphereScene
-from ninedisk.core.spheres import state as columns
-from ninedisk.core.spheres.arrays import (
+from ninedisk.core.dem.space import state as columns
+from ninedisk.core.dem.space.arrays import (
     batch_arrays,
     compile_motion,
     empty_list,
@@ -37,19 +27,19 @@ from ninedisk.core.spheres.arrays import (
     wide,
     xyz_rows,
 )
-from ninedisk.core.spheres.critical import Network, critical_time_step
-from ninedisk.core.spheres.neighbour_kernels import (
+from ninedisk.core.dem.space.critical import Network, critical_time_step
+from ninedisk.core.dem.space.neighbour_kernels import (
     begin_lists,
     list_pairs,
     list_planes,
     stiffest,
     widen_by_necks,
 )
-from ninedisk.core.spheres.plane_kernels import place_planes
-from ninedisk.core.spheres.registers import WIDE
-from ninedisk.core.spheres.scratch_kernels import SCRATCH, SCRATCH_COUNTED
-from ninedisk.core.spheres.state import Contacts, State
-from ninedisk.core.spheres.step_kernels import (
+from ninedisk.core.dem.space.plane_kernels import place_planes
+from ninedisk.core.dem.space.registers import WIDE
+from ninedisk.core.dem.space.scratch_kernels import SCRATCH, SCRATCH_COUNTED
+from ninedisk.core.dem.space.state import Contacts, State
+from ninedisk.core.dem.space.step_kernels import (
     AGAIN,
     BATCH,
     BEHIND,
@@ -64,6 +54,16 @@ from ninedisk.core.spheres.step_kernels import (
     Scheme,
     advance,
 )
+from ninedisk.core.dem.state import Cells
+from ninedisk.core.errors import (
+    InvalidNumericsError,
+    InvalidSceneError,
+    NonFiniteStateError,
+    UnstableTimeStepError,
+)
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
+from ninedisk.core.scene import PlaneWall, SphereScene
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import (
+from ninedisk.core.dem.plane.force_kernels import (
     CHUNK,
     DASHPOT_X,
     DASHPOT_Y,
@@ -38,9 +38,9 @@ from ninedisk.core.dem.force_kernels import (
     pair_forces_lagged,
     scatter,
 )
-from ninedisk.core.dem.kick_kernels import farther
-from ninedisk.core.dem.neighbour_kernels import copy_list, divide, mark_built, put_in_order
-from ninedisk.core.dem.sample_kernels import synchronised
+from ninedisk.core.dem.plane.kick_kernels import farther
+from ninedisk.core.dem.plane.neighbour_kernels import copy_list, divide, mark_built, put_in_order
+from ninedisk.core.dem.plane.sample_kernels import synchronised
 from ninedisk.core.dem.state import (
     BETA,
     KN,

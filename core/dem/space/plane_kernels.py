@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, sin
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.spheres.state import (
+from ninedisk.core.dem.space.state import (
     AMPLITUDE,
     AXIS,
     BEGIN,
@@ -21,7 +21,7 @@ from ninedisk.core.spheres.state import (
     Planes,
     Vector,
 )
-from ninedisk.core.spheres.vector_kernels import cross, dot, plus, row, turned
+from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, turned
 
 
 @kernel

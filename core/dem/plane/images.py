@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray, IntArray
-from ninedisk.core.dem.image_kernels import build_image_pairs, place_cell, sort_into_images
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, check_crowd, empty_cells, empty_list, grown
+from ninedisk.core.dem.plane.image_kernels import build_image_pairs, place_cell, sort_into_images
 from ninedisk.core.dem.preload import check_preload
 from ninedisk.core.dem.state import OK, DiskArrays, Images, NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError

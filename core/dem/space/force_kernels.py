@@ -1,6 +1,6 @@
 """Forces of spheres on each other and of planes on spheres.
 
-As in the plane (`ninedisk.core.dem.force_kernels`) contacts go through loops without branches, by chunks: which pairs of the list touch,
+As in 2D (`ninedisk.core.dem.plane.force_kernels`) contacts go through loops without branches, by chunks: which pairs of the list touch,
 differences of their bodies into a scratch in the fastest cache, the law in vector registers, sums into the bodies. Only pairs that touch
 get past the first loop. Contacts of a chunk that have the same law are one run, for which all that the law decides is decided once; in a
 scene of many materials runs are short.
@@ -15,10 +15,10 @@ from math import sqrt
 import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel
-from ninedisk.core.spheres.law_kernels import contact, law_of, resistance, resistance_losses, shear_losses, touch_of
-from ninedisk.core.spheres.plane_kernels import above, at_rest, plane_velocity
-from ninedisk.core.spheres.registers import blend
-from ninedisk.core.spheres.scratch_kernels import (
+from ninedisk.core.dem.space.law_kernels import contact, law_of, resistance, resistance_losses, shear_losses, touch_of
+from ninedisk.core.dem.space.plane_kernels import above, at_rest, plane_velocity
+from ninedisk.core.dem.space.registers import blend
+from ninedisk.core.dem.space.scratch_kernels import (
     ARM_LOSS,
     CHUNK,
     CROSSED,
@@ -64,7 +64,7 @@ from ninedisk.core.spheres.scratch_kernels import (
     vector,
     xyz,
 )
-from ninedisk.core.spheres.state import (
+from ninedisk.core.dem.space.state import (
     DASHPOT,
     FORCE,
     FRICTION,
@@ -87,7 +87,7 @@ from ninedisk.core.spheres.state import (
     State,
     Step,
 )
-from ninedisk.core.spheres.vector_kernels import cross, dot, plus, row, scaled
+from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, scaled
 
 
 @fused_inline_kernel

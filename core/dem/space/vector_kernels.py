@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, floor, sin, sqrt
 
 from ninedisk.core.compile import fused_inline_kernel, inline_kernel
-from ninedisk.core.spheres.state import Floats, Vector
+from ninedisk.core.dem.space.state import Floats, Vector
 
 
 @fused_inline_kernel

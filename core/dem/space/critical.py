@@ -4,7 +4,7 @@ The limit is that of the plane (`ninedisk.core.dem.critical`): 1/dt is the large
 ``K = B B'`` and C' half the dashpots over the masses where these see ``v_{n-1/2}``, and all of them where they see the extrapolated
 ``v_n``. Each contact that carries load has its present tangent stiffness, sticks, and rolls on its springs.
 
-Few runs come near the limit, so a bound is looked at first (`ninedisk.core.spheres.neighbour_kernels.stiffest`).
+Few runs come near the limit, so a bound is looked at first (`ninedisk.core.dem.space.neighbour_kernels.stiffest`).
 """
 
 from __future__ import annotations

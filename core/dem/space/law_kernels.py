@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, inline_kernel
-from ninedisk.core.spheres.scratch_kernels import (
+from ninedisk.core.dem.space.scratch_kernels import (
     D_BEFORE,
     DASHPOT_DV,
     DASHPOT_TURNS,
@@ -32,7 +32,7 @@ from ninedisk.core.spheres.scratch_kernels import (
     last,
     vector,
 )
-from ninedisk.core.spheres.state import (
+from ninedisk.core.dem.space.state import (
     CONSTANT,
     FORCE,
     HELD,
@@ -55,11 +55,11 @@ from ninedisk.core.spheres.state import (
     Step,
     Vector,
 )
-from ninedisk.core.spheres.vector_kernels import capped, carried, cross, dot, half_spun, plus, projected, scaled, spun
+from ninedisk.core.dem.space.vector_kernels import capped, carried, cross, dot, half_spun, plus, projected, scaled, spun
 
 
 class Law(NamedTuple):
-    """What `contact` reads of a law, columns of `ninedisk.core.spheres.state`."""
+    """What `contact` reads of a law, columns of `ninedisk.core.dem.space.state`."""
 
     kn: float
     ks: float
@@ -310,7 +310,7 @@ def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[
 @inline_kernel
 def taken(before: Vector, after: Vector, way: Vector) -> float:
     """Energy [J] that a force or torque which goes from ``before`` to ``after`` takes on a way; that of ``after`` alone where it has turned
-    round within the step (`ninedisk.core.dem.force_kernels.friction_loss`)."""
+    round within the step (`ninedisk.core.dem.plane.force_kernels.friction_loss`)."""
     mean = 0.5 * (dot(before, way) + dot(after, way))
     return mean if mean > 0.0 else max(dot(after, way), 0.0)
 

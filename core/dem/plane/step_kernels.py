@@ -8,9 +8,9 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.force_kernels import disk_disk_forces, disk_wall_forces, note_pairs
-from ninedisk.core.dem.grain_kernels import grain_forces
-from ninedisk.core.dem.image_kernels import (
+from ninedisk.core.dem.plane.force_kernels import disk_disk_forces, disk_wall_forces, note_pairs
+from ninedisk.core.dem.plane.grain_kernels import grain_forces
+from ninedisk.core.dem.plane.image_kernels import (
     beside_flow,
     clear_image_share,
     gather_shares,
@@ -20,9 +20,10 @@ from ninedisk.core.dem.image_kernels import (
     record_images,
     room_left,
 )
-from ninedisk.core.dem.kick_kernels import farther, farthest, kick_and_drift
-from ninedisk.core.dem.neighbour_kernels import REBUILD_COST, next_skin, rebuild
-from ninedisk.core.dem.sample_kernels import lost_so_far, record, record_contacts
+from ninedisk.core.dem.plane.kick_kernels import farther, farthest, kick_and_drift
+from ninedisk.core.dem.plane.neighbour_kernels import REBUILD_COST, next_skin, rebuild
+from ninedisk.core.dem.plane.sample_kernels import lost_so_far, record, record_contacts
+from ninedisk.core.dem.plane.watch_kernels import may_be_unstable, spread
 from ninedisk.core.dem.state import (
     BEHIND_WALL,
     BUILT,
@@ -48,20 +49,8 @@ from ninedisk.core.dem.state import (
     WallArrays,
     Watch,
 )
-from ninedisk.core.dem.watch_kernels import may_be_unstable, spread
-from ninedisk.core.scene.motion_kernels import (
-    NORMAL_X,
-    NORMAL_Y,
-    PIVOT_VX,
-    PIVOT_VY,
-    PIVOT_X,
-    PIVOT_Y,
-    POINT_X,
-    POINT_Y,
-    TURN_RATE,
-    WallMotion,
-    place_walls,
-)
+from ninedisk.core.pose import NORMAL_X, NORMAL_Y, PIVOT_VX, PIVOT_VY, PIVOT_X, PIVOT_Y, POINT_X, POINT_Y, TURN_RATE
+from ninedisk.core.scene.motion_kernels import WallMotion, place_walls
 from ninedisk.core.thread_kernels import PAD, wait_for_all
 
 BLOCK = 2048

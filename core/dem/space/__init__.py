@@ -1,0 +1,1 @@
+"""The DEM in 3D: spheres and planes."""

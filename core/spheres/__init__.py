@@ -1,1 +1,0 @@
-"""Spheres in space: scenes, laws, and a DEM of their own."""

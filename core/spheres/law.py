@@ -1,3 +1,0 @@
-"""Names of before."""
-
-from ninedisk.core.law import *  # noqa: F403
