@@ -157,15 +157,10 @@ def _apply(tree: ast.Module, edit: Edit) -> None:
     outside = _assigned(tree) | vars(builtins).keys()
     inside = _names(scope) | outside
     places = list(_places(scope, old))
-    found = [(place, bound) for place in places if (bound := _match(old, place.nodes, {}, set())) is not None]
-    if not found and isinstance(scope, ast.FunctionDef | ast.AsyncFunctionDef):
-        unknown = {name for node in old for name in _names(node)} - inside
-        local = _assigned(scope) - outside
-        found = [
-            (place, bound)
-            for place in places
-            if unknown and (bound := _match(old, place.nodes, dict.fromkeys(unknown, ""), local)) is not None
-        ]
+    found = _found(old, places, set(), set())
+    names = {name for node in old for name in _names(node)}
+    if not found and names - inside and isinstance(scope, ast.FunctionDef | ast.AsyncFunctionDef):
+        found = _found(old, places, names - inside, _assigned(scope) - outside - names)
     if len(found) != 1:
         near = {"\n".join(map(ast.unparse, place.nodes)): None for place in places}
         close = get_close_matches("\n".join(map(ast.unparse, old)), near, n=3)
@@ -232,13 +227,16 @@ def _places(scope: ast.AST, old: Sequence[ast.AST]) -> Iterator[_Place]:
                 yield _Place(parent, field, None)
 
 
-def _match(old: object, here: object, bound: _Binding, local: set[str]) -> _Binding | None:
-    """What the placeholders of ``old`` stand for if it is ``here``; ``bound`` has "" for those that stand for nothing yet."""
-    own = {name for node in (old if isinstance(old, list) else [old]) for name in _names(node)} - bound.keys()
-    return bound if _same(old, here, bound, local - own) else None
+def _found(
+    old: list[ast.AST], places: Sequence[_Place], placeholders: set[str], local: set[str]
+) -> list[tuple[_Place, _Binding]]:
+    """Where ``old`` is, and what its placeholders stand for there."""
+    tried = [(place, dict.fromkeys(placeholders, "")) for place in places]
+    return [(place, bound) for place, bound in tried if _same(old, place.nodes, bound, local)]
 
 
 def _same(old: object, here: object, bound: _Binding, local: set[str]) -> bool:
+    """Whether ``old`` is ``here``; ``bound`` has "" for placeholders that stand for nothing yet, and is filled."""
     if isinstance(old, list):
         return (
             isinstance(here, list)

@@ -13,6 +13,10 @@ ARRAYS = "spheres.arrays"
 
 _kernel, _python = partial(planted, "spheres", "kernel"), partial(planted, "spheres", "python")
 
+_TORQUES = """\
+blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)
+blend(torque, j, 1.0, torque, j, radius[j] - arm_loss, scratch, CROSSED_ROWS + q)"""
+
 DEFECTS = (
     _python("shear-modulus-for-young", "the normal force has G* for E*", "oblique-damped",
             (ARRAYS, "law_row", "4.0 / 3.0 * law.e_star", "4.0 / 3.0 * law.g_star")),
@@ -29,7 +33,7 @@ DEFECTS = (
     _kernel("dashpot-without-five-sixths", "the dashpot of Hertz' law is that of the linear one", "rebound",
             (LISTS, "note", "1.5 * 5.0 / 6.0", "1.5")),
     _kernel("torque-of-the-first-alone", "the second sphere receives no torque", "spins",
-            (FORCES, "forces_of_spheres", "radius[j] - arm_loss", "0.0")),
+            (FORCES, "forces_of_spheres", _TORQUES, _TORQUES.replace("radius[j] - arm_loss", "0.0"))),
     _kernel("slip-of-one-spin", "the second sphere's spin does not enter the slip", "spins",
             (FORCES, "forces_of_spheres", "blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, radius[j], omega, j)",
              "blend(scratch, ROLLS_ROWS + q, radius[i], omega, i, 0.0, omega, j)")),
@@ -106,7 +110,7 @@ DEFECTS = (
             (STEPS, "kick_and_drift", "blend(angle, i, 1.0, angle, i, dt, omega, i)",
              "blend(angle, i, 1.0, angle, i, dt, omega, np.uint64(0))")),
     _kernel("arm-of-the-other", "the torque on the second sphere has the first one's radius", "unequal",
-            (FORCES, "forces_of_spheres", "radius[j] - arm_loss", "radius[i] - arm_loss")),
+            (FORCES, "forces_of_spheres", _TORQUES, _TORQUES.replace("radius[j]", "radius[i]"))),
     _kernel("resistance-twice", "the second of two spheres has twice the torque that resists its spin", "resisted-pair",
             (FORCES, "forces_of_spheres", "blend(torque, j, 1.0, torque, j, 1.0, scratch, MOMENT_ROWS + q)",
              "blend(torque, j, 1.0, torque, j, 2.0, scratch, MOMENT_ROWS + q)")),
