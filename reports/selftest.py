@@ -17,8 +17,8 @@ LISTED = 12
 """Failing checks of one defect that the page names at once; the rest is folded."""
 
 KINDS = {
-    "kernel": "a compiled kernel of the core, one text replaced",
-    "python": "another module of the core, one text replaced",
+    "kernel": "a compiled kernel of the core, code replaced",
+    "python": "another module of the core, code replaced",
     "scene": "a right engine on a wrong scene",
     "numerics": "a right engine with wrong numerics",
     "history": "a right engine whose report is wrong",

@@ -78,7 +78,7 @@ def selftest(
       130  interrupted; nothing was written
     """
     from ninedisk.harness.results.whole_file import check_writable, write_whole
-    from ninedisk.harness.selftest.defect import StaleEditError
+    from ninedisk.harness.selftest.edits import StaleEditError
     from ninedisk.harness.selftest.gallery import chosen_defects
     from ninedisk.harness.selftest.run import fine, run_selftest
     from ninedisk.reports.selftest import selftest_page

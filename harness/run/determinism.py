@@ -38,7 +38,7 @@ from ninedisk.harness.wire.external import ExternalEngine
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 
 Progress = Callable[[int, int, str], None]
-Edits = Sequence[tuple[str, str, str]]
+Edits = Sequence[tuple[str, str, str, str]]
 
 AGAIN = Path(__file__).parents[1] / "engines" / "drivers" / "again.py"
 """Runs the driver of an engine several times in one process."""
@@ -152,7 +152,7 @@ class Trial:
     engine : Engine
     scene_id : str
         A key of `SCENES` or of `IN_SPACE`.
-    edits : sequence of (module, text, replacement)
+    edits : sequence of (module, function, code, replacement)
         Defects planted into the core, for engines of this process.
     """
 
@@ -247,7 +247,7 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = (),
         One that is installed.
     progress : callable, optional
         Called with (kinds done, kinds in all, what begins).
-    edits : sequence of (module, text, replacement)
+    edits : sequence of (module, function, code, replacement)
         Defects planted into the core, for engines of this process.
     space : bool
         Whether the scene is that of spheres.

@@ -1,6 +1,6 @@
 """Process of one engine: plants the edits, none for a right one, then runs every scene that it is given.
 
-Standard input is a JSON object: ``engine`` (an id), ``edits`` (lists module, old, new) and ``requests`` (texts of the wire
+Standard input is a JSON object: ``engine`` (an id), ``edits`` (lists module, function, old, new) and ``requests`` (texts of the wire
 format). Each request is answered in its own file; an engine that fails answers with its error. A request may ask for a run that stops
 and is saved (``extra.save``: step and file), or for one that goes on from such a file (``extra.resume``).
 """
@@ -13,7 +13,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ninedisk.harness.selftest.defect import Edit, plant
+from ninedisk.harness.selftest.edits import Edit, plant
 
 
 def preload() -> None:

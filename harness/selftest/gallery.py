@@ -8,7 +8,8 @@ from fnmatch import fnmatchcase
 
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, lies, setups, sphere_sources
-from ninedisk.harness.selftest.defect import Defect, Edit
+from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.edits import Edit
 from ninedisk.harness.selftest.panel import ENGINES
 
 CLEAN = (

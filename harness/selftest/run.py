@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import astuple, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,8 @@ from ninedisk.harness.run.isolation import end_commands, run_isolated
 from ninedisk.harness.run.plan import Cell
 from ninedisk.harness.run.runner import run_cell
 from ninedisk.harness.selftest.declared import DECLARED, RUNS, as_rigid
-from ninedisk.harness.selftest.defect import Defect, Edit, check_edits
+from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.edits import Edit, check_edits
 from ninedisk.harness.selftest.gallery import CLEAN
 from ninedisk.harness.selftest.panel import PANELS, panel_cells
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
@@ -170,7 +171,7 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         ``defect, engine, kind, what``; ``caught``: whether a check failed; ``checks``: ids of those that did; ``by_case``: their
         number by case; ``hole``: why the suite cannot see this defect, where that is known; ``errors``: cells that ended without
         numbers, with the reason; ``judged``: number of checks that could fail; ``passed``: ids of those that passed, for the right
-        engines only; ``edits``: module, text and replacement of each; ``seconds``. `run_selftest` adds ``headlines``, see
+        engines only; ``edits``: place, code and replacement of each; ``seconds``. `run_selftest` adds ``headlines``, see
         `headline_moves`.
     """
     rows = [row for result in results for row in result.rows if row["status"] in JUDGED and row["quantity"]]
@@ -190,7 +191,7 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         "errors": [f"{_cell(result.cell)}: {result.reason}" for result in broken],
         "judged": len(rows),
         "passed": [check_id(row) for row in rows if row["status"] == "pass"] if clean else [],
-        "edits": [[edit.name, edit.old, edit.new] for edit in defect.edits],
+        "edits": [[edit.place, edit.old, edit.new] for edit in defect.edits],
         "seconds": round(seconds, 3),
     }
 
@@ -362,7 +363,7 @@ def _outcomes(asked: Sequence[tuple[Defect, Sequence[Cell]]], *, compiled: bool 
             for own in runs
             for scene, numerics, setup, file in own
         ]
-        edits = [[edit.module, edit.old, edit.new] for edit in first.edits]
+        edits = [astuple(edit) for edit in first.edits]
         job = {"engine": RUNS.get(first.engine, first.engine), "edits": edits, "requests": requests}
         ended = ""
         # Kernels with edits are compiled into a folder that nobody else reads, by a process that others are no copies of.

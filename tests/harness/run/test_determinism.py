@@ -18,18 +18,17 @@ from ninedisk.harness.run.determinism import Edits, Trial, repeated
 
 SPRING_DEM = Path(__file__).parents[3] / "docs" / "examples" / "spring_dem.py"
 
-LAW = "np.array(law_row(scene.disk_disk)), law_arrays(scene), load_arrays(scene)"
-KEEPS = [("dem.session", LAW, f"{LAW}\n        DemSession._kept = self._law = getattr(DemSession, '_kept', self._law)")]
+BEGIN, LOAD = "DemSession.__init__", "DemSession.load"
+LAW = "self._law, self._laws, self._loads = np.array(law_row(scene.disk_disk)), law_arrays(scene), load_arrays(scene)"
+KEEPS = [("dem.session", BEGIN, LAW, f"{LAW}\nDemSession._kept = self._law = getattr(DemSession, '_kept', self._law)")]
 DISKS = "self._disks = disk_arrays(scene, self._step.lagged, numerics.energy_budget)"
-FIRST = [("dem.session", DISKS, f"{DISKS}\n        self._disks.v[0] *= 1.0 + 1e-9")]
-SUMS = [
-    ("dem.session", "stripes = STRIPES if in_order else 1", "stripes = STRIPES // (8 * threads) if in_order else 1")
-]
+FIRST = [("dem.session", BEGIN, DISKS, f"{DISKS}\nself._disks.v[0] *= 1.0 + 1e-9")]
+SUMS = [("dem.session", BEGIN, "STRIPES if in_order else 1", "STRIPES // (8 * threads) if in_order else 1")]
 OUTLINES = "session._outlines = restored(session._outlines, arrays)"
-FORGETS = [("dem.session", OUTLINES, f"{OUTLINES}\n        arrays['disks.omega'] = 0.0 * arrays['disks.omega']")]
+FORGETS = [("dem.session", LOAD, OUTLINES, f"{OUTLINES}\narrays['disks.omega'] = 0.0 * arrays['disks.omega']")]
 
 ROW = 'session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))'
-STOPS = [("dem.space.session", ROW, f"{ROW}\n        session._state.omega[:] = 0.0")]
+STOPS = [("dem.space.session", "SphereSession.load", ROW, f"{ROW}\nsession._state.omega[:] = 0.0")]
 
 
 @pytest.mark.sampled(2)

@@ -7,7 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
@@ -18,18 +18,19 @@ from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.selftest import gallery
 from ninedisk.harness.selftest.declared import DECLARED
-from ninedisk.harness.selftest.defect import Defect, Edit
+from ninedisk.harness.selftest.defect import Defect
+from ninedisk.harness.selftest.edits import Edit
 from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
 from ninedisk.harness.selftest.run import MOVED, fine, headline_moves, looks_right, run_selftest
 
-SPRING = "force = (kn - cohesion) * overlap"
+SPRING = ("dem.plane.force_kernels", "normal_force", "(kn - cohesion) * overlap")
 HARMLESS = Defect(
     name="harmless",
     engine="dem",
     kind="kernel",
     what="forces are multiplied by one",
     witness="slide",
-    edits=(Edit("dem.plane.force_kernels", SPRING, f"{SPRING} * 1.0"),),
+    edits=(Edit(*SPRING, f"{SPRING[-1]} * 1.0"),),
 )
 HOLE = replace(HARMLESS, name="hole", hole="it changes nothing")
 CAUGHT = Defect(
@@ -38,10 +39,15 @@ CAUGHT = Defect(
     kind="kernel",
     what="forces are a hundredth too large",
     witness="slide",
-    edits=(Edit("dem.plane.force_kernels", SPRING, f"{SPRING} * 1.01"),),
+    edits=(Edit(*SPRING, f"{SPRING[-1]} * 1.01"),),
 )
 STALE = Defect(
-    name="stale", engine="dem", kind="kernel", what="", witness="slide", edits=(Edit("dem.session", "?", "!"),)
+    name="stale",
+    engine="dem",
+    kind="kernel",
+    what="",
+    witness="slide",
+    edits=(Edit("dem.session", "", "no_such_name", "0"),),
 )
 CRASH = Defect(
     name="crash",
@@ -52,8 +58,9 @@ CRASH = Defect(
     edits=(
         Edit(
             "dem.session",
-            "        self._step = step_constants(",
-            "        os._exit(7)\n        self._step = step_constants(",
+            "DemSession.__init__",
+            "self.scene, self.numerics = scene, numerics",
+            "os._exit(7)",
         ),
     ),
 )
@@ -70,7 +77,7 @@ SEEN_BY = {
 CORE_TESTS = Path(__file__).parents[2] / "core"
 WITH_EDITS = """
 import json, sys
-from ninedisk.harness.selftest.defect import Edit, plant
+from ninedisk.harness.selftest.edits import Edit, plant
 plant([Edit(*edit) for edit in json.loads(sys.argv[1])])
 import pytest
 sys.exit(pytest.main(["-q", "-x", "-p", "no:xdist", "-p", "no:cacheprovider", sys.argv[2]]))
@@ -124,7 +131,7 @@ def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_told(here: Pa
 def test_a_stale_defect_ends_it_before_anything_runs(here: Path) -> None:
     done = ninedisk("--json", "rows.json")
     assert done.exit_code == 3
-    assert "a planted defect went stale: in ninedisk.core.dem.session the text '?'" in done.output
+    assert "a planted defect went stale: in ninedisk.core.dem.session the expression 'no_such_name'" in done.output
     assert not (here / "rows.json").exists()
 
 
@@ -229,7 +236,7 @@ def test_what_no_case_can_see_is_seen_by_a_test_of_the_core(name: str) -> None:
     assert "tests of the core look there" in defect.hole
 
     def ended(edits: Sequence[Edit]) -> str:
-        job = [[edit.module, edit.old, edit.new] for edit in edits]
+        job = [astuple(edit) for edit in edits]
         environment = {**os.environ, "NUMBA_DISABLE_JIT": str(int(defect.kind == "kernel"))}
         command = [sys.executable, "-c", WITH_EDITS, json.dumps(job), str(CORE_TESTS / SEEN_BY[name])]
         done = subprocess.run(command, cwd=CORE_TESTS, env=environment, capture_output=True, text=True, check=False)
