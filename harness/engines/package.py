@@ -32,8 +32,6 @@ class PackageEngine(ProcessEngine):
     driver = Path(__file__).with_name("package_driver.py")
     session: str
     """Where the session is, ``"module:Class"``; its module may import the engine."""
-    session_in_space = ""
-    """Where the session of scenes in space is, of engines with `Capability.SPHERES`."""
     distribution: str
     """The Python package."""
     keeps_overlaps = False
@@ -44,8 +42,8 @@ class PackageEngine(ProcessEngine):
         return package_version(self.distribution)
 
     def command(self) -> Sequence[str]:
-        """This Python with the driver and the sessions' places."""
-        return [*super().command(), self.session, self.session_in_space]
+        """This Python with the driver and the session's place."""
+        return [*super().command(), self.session]
 
     def environment(self, folder: Path) -> Mapping[str, str]:
         """One thread, and a home of its own for engines that write logs there."""
@@ -62,15 +60,15 @@ class RigidPackageEngine(PackageEngine):
     """Adapter of such an engine with rigid contacts."""
 
     preload_note = NOTE_PRELOAD
-    in_space: frozenset[Capability] = frozenset()
-    """Capabilities in space, where walls and bodies may do what they cannot in the plane, or the reverse."""
+    capabilities_3d: frozenset[Capability] = frozenset()
+    """Capabilities in 3D, where walls and bodies may do what they cannot in 2D, or the reverse."""
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Rigid contacts only: a scene whose stiffness matters is refused."""
         return rigid_support(
             scene,
             numerics,
-            self.in_space if isinstance(scene, SphereScene) else self.facts.capabilities,
+            self.capabilities_3d if isinstance(scene, SphereScene) else self.facts.capabilities,
             refused=self.refusals(scene, numerics),
             approximations=self.approximations(scene, numerics),
             preload_note=self.preload_note,

@@ -1,4 +1,4 @@
-"""Driver of an engine that is a Python package: ``package_driver.py module:Session module:SessionInSpace``, request on stdin.
+"""Driver of an engine that is a Python package: ``package_driver.py module:Session``, request on stdin.
 
 It runs under the harness' own Python. The session's module may name an ``ENGINE_VERSION``; the session, its ``settings`` and,
 where its forces are no means over a step, their ``FORCE_MEANING``.
@@ -14,15 +14,14 @@ from ninedisk.harness.wire.protocol import WIRE_VERSION, Answer, decode_request,
 
 
 def preload() -> None:
-    """Load the sessions, in a process of which runs are copies."""
-    for place in filter(None, sys.argv[1:]):
-        importlib.import_module(place.partition(":")[0])
+    """Load the session, in a process of which runs are copies."""
+    importlib.import_module(sys.argv[1].partition(":")[0])
 
 
 def main() -> None:
     """Read the request, drive the session, write the answer file."""
     request = decode_request(sys.stdin.read())
-    module, name = sys.argv[request.scene.dimension - 1].split(":")
+    module, name = sys.argv[1].split(":")
     home = importlib.import_module(module)
     try:
         session = getattr(home, name)

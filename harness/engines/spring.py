@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,12 +20,12 @@ from ninedisk.harness.api.engine import EngineRun, Support, SupportLevel
 from ninedisk.harness.api.support import NOTE_SLIP_END, OF_SLIP_AT, contact_steps
 from ninedisk.harness.api.wall_path import wall_path
 from ninedisk.harness.engines.process import ProcessEngine
-from ninedisk.harness.engines.space import PlanePoses
+from ninedisk.harness.engines.world import PlanePoses
 
 AnyLaw = TypeVar("AnyLaw", ContactLaw, SphereLaw)
 ARMS = frozenset(LEVER_ARMS.values())
 
-IN_SPACE = frozenset(
+SPRINGS_3D = frozenset(
     {
         Capability.SPHERES,
         Capability.LINEAR_CONTACT,
@@ -42,7 +42,7 @@ IN_SPACE = frozenset(
         Capability.MATERIALS,
     }
 )
-"""What all of these engines have in space."""
+"""What most of these engines have in 3D."""
 
 NOTE_OVERDAMPED = "dashpots in space are given by the rebound e = exp(-pi beta/sqrt(1 - beta^2)): no beta of 1 and more"
 NOTE_UNIFORM = "in space the engine knows uniform spheres only, I = (2/5) m R^2"
@@ -54,6 +54,11 @@ def uniform(scene: SphereScene) -> bool:
     spheres = scene.spheres
     off = np.abs(spheres.inertia - 0.4 * spheres.mass * spheres.radius**2) > 1e-12 * spheres.inertia
     return not (off & spheres.rotating).any()
+
+
+def hertz(scene: SphereScene) -> bool:
+    """Whether some contact of the scene has Hertz' law."""
+    return any(law.hertz for law in scene.laws_in_use)
 
 
 @dataclass
@@ -92,46 +97,28 @@ class Fit:
         return Support(SupportLevel.EQUIVALENT if self.equivalent else SupportLevel.EXACT, (), notes)
 
 
-@dataclass(frozen=True)
-class InSpace:
-    """What an engine with springs makes of spheres in space.
-
-    Attributes
-    ----------
-    capabilities : frozenset of Capability
-    fit : callable
-        As `SpringEngine.fit`.
-    chosen : mapping
-        Settings of every run that are chosen on purpose, for the record.
-    dashpot_note : str
-    extra : callable or None
-        Further additions to the request, of a scene and its numerics.
-    """
-
-    capabilities: frozenset[Capability]
-    fit: Callable[[SphereScene, Numerics, Fit], None]
-    chosen: Mapping[str, Any]
-    dashpot_note: str
-    extra: Callable[[SphereScene, Numerics], Mapping[str, Any]] | None = None
-
-
 class SpringEngine(ProcessEngine):
     """Adapter of an engine that integrates contact springs by central differences, as the in-house DEM does.
 
-    A subclass gives what a `ProcessEngine` asks for, `fit`, and `in_space` where it has spheres.
+    A subclass gives what a `ProcessEngine` asks for, and of either dimension how it fits a scene and what is on record.
     """
 
+    capabilities_3d: frozenset[Capability]
+    """Capabilities in 3D; those in 2D are in `facts`."""
     chosen: Mapping[str, Any]
-    """Settings of every run that are chosen on purpose, for the record."""
+    """Settings of every run in 2D that are chosen on purpose, for the record."""
+    chosen_3d: Mapping[str, Any]
+    """The same in 3D."""
     dashpot_note = "dashpot with the velocity of t_{n-1/2}; never tension"
-    in_space: InSpace | None = None
+    dashpot_note_3d = ""
 
     @abstractmethod
     def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Add to ``fit`` what the capabilities do not tell, and take out what this very scene does not ask for."""
 
-    def _part(self, scene: Scene | SphereScene) -> InSpace | None:
-        return self.in_space if isinstance(scene, SphereScene) else None
+    @abstractmethod
+    def fit_3d(self, scene: SphereScene, numerics: Numerics, fit: Fit) -> None:
+        """As `fit`, of a scene of 3D."""
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """How far the engine's conventions are the scene's.
@@ -139,55 +126,54 @@ class SpringEngine(ProcessEngine):
         EQUIVALENT also where dashpots see v_{n-1/2} though the numerics ask for the central form, and where slip is asked for
         elsewhere in the step: the same physics, first order in the step.
         """
-        part = self._part(scene)
-        own = part.capabilities if part else self.facts.capabilities
+        spheres = isinstance(scene, SphereScene)
+        own = self.capabilities_3d if spheres else self.facts.capabilities
         fit = Fit(set(capabilities_needed(scene, numerics) - own))
         if own & OF_SLIP_AT and fit.missing & OF_SLIP_AT:
             fit.missing -= OF_SLIP_AT
             fit.equivalent = True
             fit.notes.append(NOTE_SLIP_END)
-        fit_scene: Callable[[Any, Numerics, Fit], None] = part.fit if part else self.fit
-        fit_scene(scene, numerics, fit)
+        if isinstance(scene, SphereScene):
+            self.fit_3d(scene, numerics, fit)
+        else:
+            self.fit(scene, numerics, fit)
         if any(law.beta > 0.0 for law in scene.laws_in_use) and Capability.CONTACT_DAMPING not in fit.missing:
-            fit.notes.append(part.dashpot_note if part else self.dashpot_note)
+            fit.notes.append(self.dashpot_note_3d if spheres else self.dashpot_note)
             fit.equivalent = fit.equivalent or numerics.damping_form == "central"
         return fit.support()
 
     def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Contact step, and the walls' path at every contact step (a file: it can be long)."""
-        part = self._part(scene)
-        further = part.extra(scene, numerics) if part and part.extra and isinstance(scene, SphereScene) else {}
         count, contact_dt = contact_steps(scene, numerics)
         path, steps = folder / "wall_path.npy", count * numerics.n_steps
         if isinstance(scene, SphereScene):
             np.save(path, plane_path(scene, contact_dt, steps))
         else:
             np.save(path, wall_path(scene, contact_dt, steps))
-        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path), **further}
+        return {"substeps": count, "contact_dt": contact_dt, "wall_path": str(path)}
 
     def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the engine; raises as `ExternalEngine.run`."""
         done = super().run(scene, numerics, watch)
         count, contact_dt = contact_steps(scene, numerics)
-        part = self._part(scene)
         settings = {
             "contact_dt": contact_dt,
             "contact_steps_per_dt": count,
             "damping_form": numerics.damping_form,
             "start": "half kick: v(1/2) = v0 + dt/2 (F0/m - xi v0), set by the driver",
-            **(part.chosen if part else self.chosen),
+            **(self.chosen_3d if isinstance(scene, SphereScene) else self.chosen),
             "threads": 1,
         }
         return EngineRun(history=done.history, timings=done.timings, settings={**settings, **done.settings})
 
 
 def plane_path(scene: SphereScene, dt: float, n_steps: int) -> FloatArray:
-    """Tables of planes at the steps ``0 .. k``, after which none moves any more (``k <= n_steps``).
+    """Tables of the walls of 3D at the steps ``0 .. k``, after which none moves any more (``k <= n_steps``).
 
     Returns
     -------
     ndarray, shape (k + 1, m, 12)
-        Row ``n``: surface point [m] and normal at ``n dt``; that point's velocity [m/s] and the plane's spin [rad/s], which follow from
+        Row ``n``: surface point [m] and normal at ``n dt``; that point's velocity [m/s] and the wall's spin [rad/s], which follow from
         the pivot's velocity and the spin in the middle of the step that ends there (of row 0 at time 0), and the pivot's place at
         ``n dt``. The last row has no velocity if the motion ends before the run does.
     """
@@ -214,7 +200,7 @@ def plane_path(scene: SphereScene, dt: float, n_steps: int) -> FloatArray:
 
 
 def _segments(wall: PlaneWall, w: int, poses: PlanePoses) -> list[tuple[Any, ...]]:
-    """Segments of a plane's motion, when each begins [s], and what the path has of it in every step: once, as arrays."""
+    """Segments of a wall's motion, when each begins [s], and what the path has of it in every step: once, as arrays."""
     begin, found = 0.0, []
     for segment in wall.motion:
         pivot = poses(begin).point[w] if segment.pivot is None else np.array(segment.pivot)
@@ -256,7 +242,7 @@ def fit_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
 
 
 def uneven_planes(scene: SphereScene) -> bool:
-    """Whether a plane that contacts feel moves otherwise than with one velocity and spin."""
+    """Whether a wall of 3D that contacts feel moves otherwise than with one velocity and spin."""
     felt = [wall for wall in scene.walls if any(rough(law) or law.beta > 0.0 for law in plane_laws(scene, wall))]
     return any(any(segment.amplitude) for wall in felt for segment in wall.motion)
 

@@ -153,7 +153,7 @@ def test_yade_is_imported_inside_yade_only(sources: dict[str, Path]) -> None:
     """A GPL engine is never loaded into our process."""
     loading = {module for module, path in sources.items() if any(within(name, {"yade"}) for name in imported(path))}
     users = {module for module in loading if ".bench.drivers." not in module}
-    assert users == {f"ninedisk.harness.engines.yade.{part}" for part in ("driver", "space_driver", "yade_parts")}
+    assert users == {f"ninedisk.harness.engines.yade.{part}" for part in ("driver", "yade_parts")}
 
 
 @pytest.mark.parametrize(

@@ -25,10 +25,10 @@ from ninedisk.reports.panel import text as words
 
 OUTSIDE = (
     "driver",
-    "space_driver",
     "solver_driver",
     "yade_parts",
     "lammps_parts",
+    "motion_parts",
     "drivers",
     "template",
     "pytest_plugin",

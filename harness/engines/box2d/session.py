@@ -32,14 +32,8 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.box2d.adapter import OPTIONS
-from ninedisk.harness.engines.plane import (
-    WorldSession,
-    path,
-    size,
-    top_speed,
-    turn,
-    wall_reach,
-)
+from ninedisk.harness.engines.lengths import path, size, top_speed, wall_reach
+from ninedisk.harness.engines.world import WorldSession, turn
 
 ENGINE_VERSION = version("Box2D")
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import SphereScene
-from ninedisk.harness.api.capabilities import OF_RIGID, Capability
-from ninedisk.harness.engines.bullet.space import IN_SPACE, refused_in_space
+from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
+from ninedisk.harness.engines.world import partly_held
 
 CAPABILITIES = OF_RIGID | {
     Capability.DISK_INERTIA,
@@ -22,6 +24,7 @@ CAPABILITIES = OF_RIGID | {
     Capability.SPHERES,
     Capability.TWISTING_CONSTANT,
 }
+CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
 
 OPTIONS = {
     "iterations": Option(
@@ -66,19 +69,35 @@ class BulletEngine(RigidPackageEngine):
 
     id = "bullet"
     session = "ninedisk.harness.engines.bullet.session:BulletSession"
-    session_in_space = "ninedisk.harness.engines.bullet.space_session:BulletSpaceSession"
-    in_space = IN_SPACE
+    capabilities_3d = CAPABILITIES_3D
     distribution = "pybullet"
     facts = FACTS
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """A friction that Bullet would cap in silence; bodies that are held in part."""
-        refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
+        refused = sphere_refusals(scene) if isinstance(scene, SphereScene) else []
         return refused + [
             f"Bullet caps the friction of a pair at {MAX_FRICTION:g}, the scene has {law.mu:g}"
             for law in scene.laws_in_use
             if law.mu > MAX_FRICTION
         ]
+
+
+def sphere_refusals(scene: SphereScene) -> list[str]:
+    """Spheres held in part, and resistances that no shares of bodies give."""
+    found, spheres = partly_held(scene, "Bullet"), scene.spheres
+    resisted = [wall.name for wall in scene.walls if wall.law.rolling or wall.law.twisting]
+    between = scene.sphere_sphere
+    if len(spheres) > 1 and (between.rolling or between.twisting):
+        found.append(
+            "Bullet's resistance to rolling is a share of each body: here walls alone have one, and spheres none among themselves"
+        )
+    if resisted and (np.ptp(spheres.radius) > 0.0 or (len(spheres) > 1 and between.mu == 0.0)):
+        found.append(
+            f"Bullet's resistance to rolling is a length times the other body's friction: wall {resisted[0]!r} cannot have one for spheres "
+            "of several radii, or for smooth ones"
+        )
+    return found
 
 
 ENGINE = BulletEngine()

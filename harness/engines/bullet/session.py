@@ -1,6 +1,6 @@
 """A scene in pybullet.
 
-- A disk is a sphere whose three moments of inertia are the disk's; with all forces in the plane z = 0 it stays there to the
+- A disk is a sphere whose three moments of inertia are the disk's; with no force along z it stays at z = 0 to the
   last bit and its z moment is the only one that matters. Moments of 0 are Bullet's way to block rotation.
 - A wall is an infinite plane. A sphere on it has one contact with the exact normal; on the face of a box, whose contact
   comes from a general convex algorithm, the normal is off by 1e-14 and velocities by as much.
@@ -13,7 +13,10 @@
   a plane, rolling ones of 5e-4 lose it for single steps. It is given lengths in a unit that makes the mean radius about 1, a
   power of two, so that the change of units rounds nothing.
 - The solver does all its iterations (`solverResidualThreshold` 0).
-- Before each step a wall gets its exact pose and the velocity that takes it to the next.
+- Before each step a wall gets its exact pose and the velocity that takes it to the next. In 3D a body without mass that moves with v and
+  turns with omega meets contacts in a step with ``v + dt omega x v``: Bullet adds what the velocity changes by in the body's own frame. It
+  is given the v for which that is the prescribed one.
+- A pair's resistance to rolling [m], and to spinning, is the sum of each body's own times the other's friction: walls have all of it.
 """
 
 from __future__ import annotations
@@ -31,8 +34,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
+from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WorldSession, three, touch_length, turn
+from ninedisk.harness.engines.world import WorldSession, quaternion_of, three, turn
 
 ENGINE_VERSION = version("pybullet")
 
@@ -86,17 +90,15 @@ class BulletSession(WorldSession):
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
 
-    def begin(self) -> None:
-        """Set ``poses``, and the angles to 0."""
-        super().begin()
-        self.angle = np.zeros_like(self.scene.bodies.omega)
-
     def step(self, *, last: bool) -> None:  # noqa: ARG002
-        """Step the world, and follow the rotations: Bullet knows orientations, not angles."""
+        """Step the world, and follow the rotations: Bullet knows orientations, and moves bodies with the spins of the step's end."""
         self.world.stepSimulation()
         for i, body in enumerate(self.disks):
-            _, (_, _, z, w) = self.world.getBasePositionAndOrientation(body)
-            self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
+            if self.scene.dimension == 3:
+                self.angle[i] += self.dt * np.array(self.world.getBaseVelocity(body)[1])
+            else:
+                _, (_, _, z, w) = self.world.getBasePositionAndOrientation(body)
+                self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
 
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""
@@ -130,6 +132,24 @@ class BulletSession(WorldSession):
         self.world.resetBasePositionAndOrientation(body, place, [0.0, 0.0, math.sin(half), math.cos(half)])
         self.world.resetBaseVelocity(body, [*((there - here) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
 
+    def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
+        """Set a wall's pose and its velocities over the coming step."""
+        w, x, y, z = quaternion_of(rotation)
+        body = self.walls[k]
+        self.world.resetBasePositionAndOrientation(body, (self.unit * point).tolist(), [x, y, z, w])
+        self._move(body, velocity, rate)
+
+    def drive_sphere(self, i: int, place: FloatArray) -> None:
+        """Set a sphere's pose and velocities."""
+        body, spheres = self.disks[i], self.scene.spheres
+        self.world.resetBasePositionAndOrientation(body, (self.unit * place).tolist(), [0.0, 0.0, 0.0, 1.0])
+        self._move(body, spheres.v[i], spheres.omega[i])
+
+    def _move(self, body: int, velocity: FloatArray, rate: FloatArray) -> None:
+        x, y, z = self.dt * rate
+        seen = np.eye(3) + np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        self.world.resetBaseVelocity(body, (self.unit * np.linalg.solve(seen, velocity)).tolist(), rate.tolist())
+
     def push(self, i: int, load: FloatArray) -> None:
         """Bullet forgets forces after a step."""
         body, unit = self.disks[i], self.unit
@@ -138,17 +158,13 @@ class BulletSession(WorldSession):
         self.world.applyExternalForce(body, -1, force, place, pybullet.WORLD_FRAME)
         self.world.applyExternalTorque(body, -1, [0.0, 0.0, unit**2 * float(load[2])], pybullet.WORLD_FRAME)
 
-    def prescribed(self, i: int) -> bool:
-        """Whether nothing moves a body."""
-        return bool(self.fixed[i])
-
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.bodies
         radius = self.unit * (float(disks.radius[i]) + self.inflate)
         shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
         place = three(self.unit * disks.x[i])
         # A body without mass is Bullet's static one.
-        mass = 0.0 if self.prescribed(i) else float(disks.mass[i])
+        mass = 0.0 if self.fixed[i] or i in self.driven else float(disks.mass[i])
         body: int = self.world.createMultiBody(mass, shape, basePosition=place)
         inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
         self.world.changeDynamics(
@@ -176,10 +192,14 @@ class BulletSession(WorldSession):
             lateralFriction=friction,
             restitution=restitution,
             maxJointVelocity=_UNLIMITED,
-            **self.resistances(k),
+            **self._resistances(k),
         )
         return body
 
-    def resistances(self, k: int) -> dict[str, float]:  # noqa: ARG002
-        """Resistance of a wall to rolling and to spinning on it; a pair has the product with the disk's friction."""
-        return {"rollingFriction": 0.0, "spinningFriction": 0.0}
+    def _resistances(self, k: int) -> dict[str, float]:
+        """Lengths that times fn are a wall's torques, in Bullet's unit, over the spheres' share of the friction."""
+        law, arm = self.scene.walls[k].law, self.unit * float(self.scene.bodies.radius.max(initial=0.0))
+        given: dict[str, Any] = {"rollingFriction": None, "spinningFriction": None}
+        if self.scene.dimension == 3:
+            given = {"rollingFriction": law.rolling, "spinningFriction": law.twisting}
+        return {name: 0.0 if each is None else each.mu * arm / self.share for name, each in given.items()}

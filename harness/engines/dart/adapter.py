@@ -18,7 +18,7 @@ from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
-from ninedisk.harness.engines.space import driven_spheres, partly_held
+from ninedisk.harness.engines.world import driven_spheres, partly_held
 
 CAPABILITIES = (OF_RIGID - {Capability.FIXED_DISKS}) | {
     Capability.DISK_INERTIA,
@@ -68,8 +68,7 @@ class DartEngine(RigidPackageEngine):
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
-    session_in_space = "ninedisk.harness.engines.dart.space_session:DartSpaceSession"
-    in_space = OF_RIGID_SPHERES
+    capabilities_3d = OF_RIGID_SPHERES
     distribution = "dartpy"
     facts = FACTS
 

@@ -1,7 +1,8 @@
 """A scene in dartpy.
 
 - A disk is a sphere on a planar joint (x, y, angle), or on one without angle where it cannot turn; its moment of inertia is
-  the disk's.
+  the disk's. A sphere of 3D is on a free joint, or on a translational one where it cannot turn; fixed and driven ones are immobile
+  skeletons, as walls are.
 - A wall is an infinite plane on an immobile skeleton; before each step it gets its exact pose and the velocity that takes it
   to the next.
 - A pair's friction is the SMALLER of its bodies' coefficients, its restitution their PRODUCT (see `product_factors`).
@@ -24,8 +25,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
+from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.plane import WorldSession, three, touch_length, turn
+from ninedisk.harness.engines.world import WorldSession, three, turn, vector_of
 
 ENGINE_VERSION = str(dartpy.__version__)
 
@@ -85,12 +87,20 @@ class DartSession(WorldSession):
         self.walls = [self._wall(k, bounce[1][k]) for k in range(len(scene.walls))]
 
     def step(self, *, last: bool) -> None:  # noqa: ARG002
-        """Step the world."""
+        """Step the world, and sum the spins of spheres: DART moves bodies with those of the step's end."""
         self.world.step()
+        if self.scene.dimension == 3:
+            for i, sphere in enumerate(self.disks):
+                self.angle[i] += self.dt * sphere.getBodyNode(0).getAngularVelocity()
 
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""
         for i, disk in enumerate(self.disks):
+            if self.scene.dimension == 3:
+                body = disk.getBodyNode(0)
+                history.x[row, i], history.v[row, i] = body.getTransform().translation(), body.getLinearVelocity()
+                history.angle[row, i], history.omega[row, i] = self.angle[i], body.getAngularVelocity()
+                continue
             position, velocity = disk.getPositions(), disk.getVelocities()
             history.x[row, i], history.v[row, i] = position[:2], velocity[:2]
             turning = len(position) > 2
@@ -113,6 +123,16 @@ class DartSession(WorldSession):
         self.walls[k].setPositions([*here, turn(self.scene.walls[k].normal, facing)])
         self.walls[k].setVelocities([*((there - here) / self.dt), rate])
 
+    def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
+        """Set a wall's pose and its velocities over the coming step."""
+        self.walls[k].setPositions([*vector_of(rotation), *point])
+        self.walls[k].setVelocities([*rate, *velocity])
+
+    def drive_sphere(self, i: int, place: FloatArray) -> None:
+        """Set a sphere's pose and velocities."""
+        self.disks[i].setPositions([0.0, 0.0, 0.0, *place])
+        self.disks[i].setVelocities([*self.scene.spheres.omega[i], *self.scene.spheres.v[i]])
+
     def push(self, i: int, load: FloatArray) -> None:
         """DART forgets forces after a step; torques are in the body's frame, whose z axis is the scene's."""
         body = self.disks[i].getBodyNode(0)
@@ -120,26 +140,36 @@ class DartSession(WorldSession):
         body.setExtTorque([0.0, 0.0, float(load[2])])
 
     def _disk(self, i: int, friction: float, restitution: float) -> Any:
-        disks = self.scene.disks
-        skeleton = dartpy.dynamics.Skeleton(f"disk {i}")
-        turning = bool(disks.rotating[i])
+        bodies, flat = self.scene.bodies, self.scene.dimension == 2
+        skeleton = dartpy.dynamics.Skeleton(f"{self.scene.noun} {i}")
+        turning = bool(bodies.rotating[i]) or i in self.driven
         if turning:
-            joint, body = skeleton.createPlanarJointAndBodyNodePair()
-        else:
+            body = self._turning_joint(skeleton)
+        elif flat:
             joint, body = skeleton.createTranslationalJoint2DAndBodyNodePair()
-        joint.setXYPlane()
+            joint.setXYPlane()
+        else:
+            _, body = skeleton.createTranslationalJointAndBodyNodePair()
         self._give_sphere(body, i, friction, restitution)
-        skeleton.setPositions([*disks.x[i].tolist(), *([0.0] if turning else [])])
-        skeleton.setVelocities([*disks.v[i].tolist(), *([float(disks.omega[i])] if turning else [])])
+        omega = [] if not turning else [float(bodies.omega[i])] if flat else bodies.omega[i].tolist()
+        skeleton.setPositions(self._coordinates(bodies.x[i], [0.0 for _ in omega]))
+        skeleton.setVelocities(self._coordinates(bodies.v[i], omega))
+        if not flat:
+            skeleton.setMobile(not (self.fixed[i] or i in self.driven))
         self.world.addSkeleton(skeleton)
         return skeleton
 
-    def place_wall(self, skeleton: Any, point: Sequence[float]) -> Any:
-        """The body of a wall, at its place."""
+    def _turning_joint(self, skeleton: Any) -> Any:
+        """A body that moves and turns."""
+        if self.scene.dimension == 3:
+            return skeleton.createFreeJointAndBodyNodePair()[1]
         joint, body = skeleton.createPlanarJointAndBodyNodePair()
         joint.setXYPlane()
-        skeleton.setPositions([*point, 0.0])
         return body
+
+    def _coordinates(self, place: Sequence[float], turn: Sequence[float]) -> list[float]:
+        """Numbers of a joint: rotations come last in 2D, first in 3D."""
+        return [*place, *turn] if self.scene.dimension == 2 else [*turn, *place]
 
     def _give_sphere(self, body: Any, i: int, friction: float, restitution: float) -> None:
         bodies = self.scene.bodies
@@ -151,7 +181,8 @@ class DartSession(WorldSession):
     def _wall(self, k: int, restitution: float) -> Any:
         wall = self.scene.walls[k]
         skeleton = dartpy.dynamics.Skeleton(f"wall {k}")
-        body = self.place_wall(skeleton, wall.point)
+        body = self._turning_joint(skeleton)
+        skeleton.setPositions(self._coordinates(wall.point, [0.0] if self.scene.dimension == 2 else [0.0] * 3))
         plane = dartpy.dynamics.PlaneShape(three(wall.normal), 0.5 * self.touch)
         self._give_surface(body, plane, len(self.scene.bodies) + k, wall.law.mu, restitution)
         skeleton.setMobile(False)

@@ -41,12 +41,12 @@ LACKS = frozenset(
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
-IN_SPACE = LACKS - {Capability.HELD_MOTION}
-"""What is lacking in space, where a sphere's velocity can be held."""
+LACKS_3D = LACKS - {Capability.HELD_MOTION}
+"""What is lacking in 3D, where a sphere's velocity can be held."""
 
 
 class DemEngine:
-    """`ninedisk.core.dem` and, in space, `ninedisk.core.dem.space`: central differences, contact springs."""
+    """`ninedisk.core.dem` and, in 3D, `ninedisk.core.dem.space`: central differences, contact springs."""
 
     id = "dem"
 
@@ -126,7 +126,7 @@ class DemEngine:
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
     if isinstance(scene, SphereScene):
-        return IN_SPACE
+        return LACKS_3D
     return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 

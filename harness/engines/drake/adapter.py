@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
-from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip
+from ninedisk.harness.engines.symmetry import OF_SLIP, no_contact_can_slip
 
 SPRINGS = frozenset(
     {
@@ -46,7 +46,7 @@ RIGID = frozenset(
 )
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation.
 
-Planes in space rest as well: in the solver's tolerance, part of all momenta together, those of a wall too heavy to be moved would hide the
+Walls of 3D rest as well: in the solver's tolerance, part of all momenta together, those of a wall too heavy to be moved would hide the
 spheres'."""
 
 REGULARISED = "https://drake.mit.edu/doxygen_cxx/group__stribeck__approximation.html"
@@ -134,7 +134,7 @@ class DrakeEngine(PackageEngine):
 
 
 MOST_SPHERES = 12
-"""Spheres on one plane with which Drake's discrete plants still run; with 14 the process ends by SIGSEGV."""
+"""Spheres on one wall with which Drake's discrete plants still run; with 14 the process ends by SIGSEGV."""
 
 
 class DrakeDiscreteEngine(RigidPackageEngine):
@@ -143,7 +143,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
     """
 
-    in_space = RIGID - {Capability.DISK_INERTIA}
+    capabilities_3d = RIGID - {Capability.DISK_INERTIA}
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
     distribution = "drake"
@@ -172,7 +172,6 @@ class DrakeDiscreteEngine(RigidPackageEngine):
             out_of_scope={Capability.SHEAR_SPRING: REGULARISED},
         )
         self.session = f"ninedisk.harness.engines.drake.session:{session}"
-        self.session_in_space = f"ninedisk.harness.engines.drake.space_session:{session}InSpace"
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Coefficients that no two bodies' shares give, and spins that nothing may change."""

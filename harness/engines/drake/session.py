@@ -15,7 +15,8 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
-from ninedisk.harness.engines.plane import WallPoses, finite_state, touch_length, write_contacts
+from ninedisk.harness.engines.lengths import touch_length
+from ninedisk.harness.engines.world import finite_state, poses_of, write_contacts
 
 __all__ = ["ENGINE_VERSION", "DrakeSession", "LaggedSession", "SapSession"]
 
@@ -38,7 +39,7 @@ class DrakeSession:
         finer = max(1, math.ceil(fastest(scene) * contact_dt / options["drake.phase"]))
         self.substeps = numerics.substeps(contact_dt) * finer
         no_friction = (0.0, [0.0] * len(scene.walls))
-        self.poses = WallPoses(scene)
+        self.poses = poses_of(scene)
         self.world = DrakeWorld(
             scene,
             time_step=0.0,
@@ -105,7 +106,7 @@ class SapSession:
         between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         friction = shares_in_series(between, [0.5 * wall.law.mu for wall in scene.walls])
         touch = touch_length(scene, numerics, "Drake")
-        self.poses = self.wall_poses()
+        self.poses, self.angle = poses_of(scene), np.zeros_like(scene.bodies.omega)
         self.world = DrakeWorld(
             scene,
             time_step=self.dt,
@@ -128,23 +129,25 @@ class SapSession:
             f"{engine}.friction_of_a_pair": "harmonic mean",
         }
 
-    def wall_poses(self) -> Any:
-        """What gives the walls' poses."""
-        return WallPoses(self.scene)
-
     def warm_up(self) -> None:
         """Nothing: Drake is native code."""
 
     def advance(self, n_steps: int) -> None:
-        """Step the plant."""
-        self.done += n_steps
-        self.world.simulator.AdvanceTo(self.done * self.dt)
+        """Step the plant; sum the spins of spheres: Drake moves bodies with those of the step's end."""
+        flat = self.scene.dimension == 2
+        for _ in range(1 if flat else n_steps):
+            self.done += n_steps if flat else 1
+            self.world.simulator.AdvanceTo(self.done * self.dt)
+            if not flat:
+                self.angle += self.dt * self.world.state()[3]
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
         copy_state(self.world, history, row, self.done)
+        if self.scene.dimension == 3:
+            history.angle[row] = self.angle
         impulses = {pair: force * self.dt for pair, force in self.world.forces().items()} if self.done else None
-        write_contacts(self.scene, history, row, self.poses(0.0), impulses, self.dt)
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
 
 
 class LaggedSession(SapSession):

@@ -1,6 +1,6 @@
-"""A scene as a Drake plant: disks on joints of the plane z = 0, walls as half-spaces, point contacts.
+"""A scene as a Drake plant: bodies on joints, in 2D of z = 0, walls as half-spaces, point contacts.
 
-- A disk is a sphere on a planar joint, which has Drake's linear damping, or on two prismatic joints where it cannot turn; in space it is
+- A disk is a sphere on a planar joint, which has Drake's linear damping, or on two prismatic joints where it cannot turn; a sphere of 3D is
   on a floating joint, or on three prismatic ones.
 - Point contacts of two geometries act as their stiffnesses in series, and friction is twice that of the coefficients: see
   `shares_in_series`.
@@ -43,7 +43,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.harness.engines.plane import three
+from ninedisk.harness.engines.world import three
 
 ENGINE_VERSION = version("drake")
 
@@ -196,7 +196,7 @@ class DrakeWorld:
 
 
 class _TurningJoint:
-    """A body that moves and turns in the plane."""
+    """A body that moves and turns in 2D."""
 
     def __init__(self, plant: Any, body: Any, name: str, damping: Sequence[float]) -> None:
         self.joint = plant.AddJoint(PlanarJoint(name, plant.world_frame(), body.body_frame(), damping))
@@ -215,7 +215,7 @@ class _TurningJoint:
 
 
 class _FloatingJoint:
-    """A body that moves and turns in space."""
+    """A body that moves and turns in 3D."""
 
     def __init__(self, plant: Any, body: Any, name: str) -> None:
         self.joint = plant.AddJoint(QuaternionFloatingJoint(name, plant.world_frame(), body.body_frame()))
@@ -234,7 +234,7 @@ class _FloatingJoint:
 
 
 class _SlidingJoint:
-    """A body that moves in the plane, or in space, and does not turn."""
+    """A body that moves and does not turn."""
 
     def __init__(self, plant: Any, body: Any, name: str, scene: Scene | SphereScene) -> None:
         damping = scene.xi * body.default_mass() if isinstance(scene, Scene) else 0.0

@@ -4,6 +4,7 @@ Drivers run inside other programs, some under the system's Python: plain Python 
 """
 
 import json
+import math
 import os
 import sys
 import time
@@ -64,8 +65,68 @@ def write(request, answer):
         out.write(json.dumps(answer))  # dump() would take the slow encoder
 
 
-class Bodies:
-    """What runs of disks and of spheres share: ``n`` bodies, ``material``, ``law``, ``laws``, ``walls`` and their ``path``."""
+class Run:
+    """One simulation of disks in 2D or of spheres in 3D: what the request says, and the samples.
+
+    A subclass gives `start`, which ends at time 0 with everything but the first step done, `advance`, `version` and `settings`, and
+    calls `sample`.
+
+    Attributes
+    ----------
+    dimension : int
+        2 or 3; vectors have so many components.
+    x0, v0 : arrays, shape (n, dimension)
+        Positions [m] and velocities [m/s] at time 0.
+    omega0 : array, shape (n,) in 2D, (n, 3) in 3D
+        Spins [rad/s].
+    radius, mass, inertia, rotating, fixed : arrays, shape (n,)
+    held : array of bool, shape (n, dimension)
+        Components of the velocity that are prescribed; in 2D no engine here has them.
+    dt : float
+        Step [s]; ``substeps`` of them lie between two steps of the request.
+    path : array or None
+        Point, normal and more of each wall at each step; the last row lasts. In 2D see `ninedisk.harness.api.wall_path`, in 3D
+        `ninedisk.harness.engines.spring.plane_path`.
+    """
+
+    name = ""
+    """The engine's, for messages."""
+    force_meaning = "instantaneous"
+    needs_a_disk = True
+    """Whether a scene of no disks is an error."""
+
+    def __init__(self, request):
+        scene, extra = request["scene"], request["extra"]
+        self.dimension = scene.get("dimension", 2)
+        self.noun = "disk" if self.dimension == 2 else "sphere"
+        bodies = scene[f"{self.noun}s"]
+        self.n = n = len(bodies["radius"])
+        if not n and (self.needs_a_disk or self.dimension == 3):
+            raise ValueError(f"there is no {self.noun}: {self.name} needs at least one")
+        self.x0, self.v0 = (np.array(bodies[key], dtype=float).reshape(n, self.dimension) for key in ("x", "v"))
+        self.omega0 = np.array(bodies["omega"], dtype=float).reshape((n,) if self.dimension == 2 else (n, 3))
+        self.radius, self.mass, self.inertia = (
+            np.array(bodies[key], dtype=float) for key in ("radius", "mass", "inertia")
+        )
+        self.rotating = np.array(bodies["rotating"], dtype=bool)
+        held = bodies["held"] if self.dimension == 3 else np.zeros((n, 2))
+        self.held = np.array(held, dtype=bool).reshape(n, self.dimension)
+        moving = self.v0.any(axis=1) | self.omega0.reshape(n, -1).any(axis=1)
+        self.fixed = self.held.all(axis=1) & ~self.rotating & ~moving
+        self.gravity, self.xi = np.array(scene["gravity"]), scene.get("xi", 0.0)
+        turning = bool(self.rotating.any())
+        self.law = completed(scene[f"{self.noun}_{self.noun}"], turning)
+        self.walls = [{**wall, "law": completed(wall["law"], turning)} for wall in scene["walls"]]
+        self.material = bodies.get("material", [""] * n)
+        self.laws = {frozenset((one, two)): completed(law, turning) for one, two, law in scene.get("laws", [])}
+        self.all_laws = [self.law, *(wall["law"] for wall in self.walls), *self.laws.values()]
+        self.damped = any(law["beta"] > 0.0 for law in self.all_laws)
+        self.forces_on = [{**force, "end": float(force["end"])} for force in scene.get("forces", [])]
+        self.dt, self.substeps = extra["contact_dt"], extra["substeps"]
+        self.path = np.load(extra["wall_path"]) if "wall_path" in extra else None
+        self.pairs = [tuple(pair) for pair in request["watch"]]
+        self.cell = Cell(scene["cell"]) if "cell" in scene else None
+        self.samples, self.static = [], []
 
     def law_of(self, i, j):
         """Law of the contact of two bodies, which the table of their materials has or their kinds."""
@@ -74,51 +135,16 @@ class Bodies:
         wall = self.walls[j - self.n]
         return self.laws.get(frozenset((self.material[i], wall.get("material", ""))), wall["law"])
 
+    def reduced(self, i, j):
+        """Reduced mass [kg] and radius [m] of a contact."""
+        if j >= self.n and self.dimension == 3:
+            return self.mass[i], self.radius[i]
+        bodies = (i, j) if j < self.n else (i,)
+        return tuple(1.0 / sum(1.0 / values[k] for k in bodies) for values in (self.mass, self.radius))
+
     def pose(self, step):
         """The walls' row of the path at a contact step: points and normals of the walls and more, shape (m, columns)."""
         return self.path[min(step, len(self.path) - 1)]
-
-
-class Run(Bodies):
-    """One simulation: what the request says, and the samples.
-
-    A subclass gives `start`, which ends at time 0 with everything but the first step done, `advance`, `version` and `settings`, and
-    calls `sample`.
-
-    Attributes
-    ----------
-    x0, v0 : arrays, shape (n, 2)
-        Positions [m] and velocities [m/s] at time 0.
-    omega0, radius, mass, inertia, rotating : arrays, shape (n,)
-    dt : float
-        Step [s]; ``substeps`` of them lie between two steps of the request.
-    path : array or None
-        Point, normal and more of each wall at each step, see `ninedisk.harness.api.wall_path`; the last row lasts.
-    """
-
-    force_meaning = "instantaneous"
-
-    def __init__(self, request, dt, substeps=1):
-        scene = request["scene"]
-        disks = scene["disks"]
-        self.n = len(disks["radius"])
-        self.x0, self.v0 = (np.array(disks[key], dtype=float).reshape(self.n, 2) for key in ("x", "v"))
-        self.omega0, self.radius, self.mass, self.inertia = (
-            np.array(disks[key], dtype=float) for key in ("omega", "radius", "mass", "inertia")
-        )
-        self.rotating = np.array(disks["rotating"], dtype=bool)
-        self.gravity, self.xi = np.array(scene["gravity"]), scene["xi"]
-        turning = bool(self.rotating.any())
-        self.law = completed(scene["disk_disk"], turning)
-        self.walls = [{**wall, "law": completed(wall["law"], turning)} for wall in scene["walls"]]
-        self.material = disks.get("material", [""] * self.n)
-        self.laws = {frozenset((one, two)): completed(law, turning) for one, two, law in scene.get("laws", [])}
-        self.forces_on = [{**force, "end": float(force["end"])} for force in scene.get("forces", [])]
-        self.dt, self.substeps = dt, substeps
-        self.path = np.load(request["extra"]["wall_path"]) if "wall_path" in request["extra"] else None
-        self.pairs = [tuple(pair) for pair in request["watch"]]
-        self.cell = Cell(scene["cell"]) if "cell" in scene else None
-        self.samples, self.static = [], []
 
     def loads(self, begin, end):
         """Mean force [N] on each disk and torque [N m] on it between two times [s], shape (n, 3)."""
@@ -130,24 +156,42 @@ class Run(Bodies):
                 row[k] += part * value
         return np.array(mean).reshape(self.n, 3)
 
-    def sample(self, step, x, v, omega, angle, forces, pose, wall_force, elastic=None):
+    def check_in_front(self, x, pose):
+        """Raise if a body's centre is behind a wall, where the engine no longer pushes it back."""
+        d = self.dimension
+        for w, row in enumerate(pose):
+            height = (x - row[:d]) @ row[d : 2 * d]
+            height[self.fixed] = math.inf
+            if (height < 0.0).any():
+                raise RuntimeError(
+                    f"{self.noun} {int(np.argmin(height))} is {-height.min():g} m behind wall {self.walls[w]['name']!r}, where "
+                    f"{self.name} no longer pushes it back: a smaller contact_dt or a stiffer wall is the way out"
+                )
+
+    def sample(self, step, x, v, omega, angle, contacts, wall_force, elastic=None, pose=None):
         """Append one sample.
 
         Parameters
         ----------
         step : int
             Of the request.
-        x, v, omega, angle : arrays by disk
-        forces : sequence of (fn, fs)
-            Of the watched pairs [N]; NaN where they cannot be observed.
-        pose : sequence
-            Point and normal of each wall, its first four columns.
-        wall_force : array, shape (m, 2)
+        x, v, omega, angle : arrays by body
+        contacts : mapping
+            ``{(i, j): (fn [N], fs [N], ...)}`` with i < j, ``fs`` along the tangent in 2D, the shear force on ``i`` in 3D; a pair that is
+            not there does not touch, NaN cannot be observed.
+        wall_force : array, shape (m, dimension)
             Force on each wall [N].
         elastic : float or None
-            Energy of the springs [J]; None: there are none.
+            Energy of the springs [J]; None: there are none, or they are not observed.
+        pose : sequence or None
+            Point and normal of each wall; None: those of the path.
         """
-        self.samples.append((step, x, v, omega, angle, forces, np.array(pose)[..., :4], wall_force, elastic))
+        pose = self.pose(step * self.substeps) if pose is None else np.array(pose)
+        if self.dimension == 3:
+            self.check_in_front(x, pose)
+        none = (0.0, np.zeros(3) if self.dimension == 3 else 0.0)
+        fn, fs = zip(*(contacts.get(pair, none)[:2] for pair in self.pairs)) if self.pairs else ((), ())  # noqa: B905
+        self.samples.append((step, x, v, omega, angle, fn, fs, pose[..., : 2 * self.dimension], wall_force, elastic))
 
     def observe_stress(self, moment):
         """Keep the stress by contacts of a sample in a periodic cell, from the sum of forces on first disks times branches [N m]."""
@@ -155,24 +199,19 @@ class Run(Bodies):
 
     def history(self):
         """All samples as arrays, named as in the wire format."""
-        steps, n, m, c = len(self.samples), self.n, len(self.walls), len(self.pairs)
+        steps, n, m, c, d = len(self.samples), self.n, len(self.walls), len(self.pairs), self.dimension
         step, *columns, elastic = zip(*self.samples)  # noqa: B905
-        shapes = ((n, 2), (n, 2), (n,), (n,), (c, 2), (m, 4), (m, 2))
-        x, v, omega, angle, forces, pose, wall_force = (
+        spin = (3,) if d == 3 else ()
+        shapes = ((n, d), (n, d), (n, *spin), (n, *spin), (c,), (c, *spin), (m, 2 * d), (m, d))
+        x, v, omega, angle, fn, fs, pose, wall_force = (
             np.array(column, dtype=float).reshape((steps, *shape))
             for column, shape in zip(columns, shapes, strict=True)
         )
-        point, normal = pose[:, :, 0:2], pose[:, :, 2:4]
-        # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
-        inertia = np.where(self.rotating, self.inertia, 0.0)
-        # Sums over the disks of each sample alone: BLAS rounds those of a sample by how many samples there are.
-        energy = {
-            "kinetic": 0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1),
-            "gravity": -((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1),
-        }
+        point, normal = pose[:, :, :d], pose[:, :, d:]
+        t = np.array(step) * (self.substeps * self.dt)
+        energy = self._energy(x, v, omega)
         if elastic[0] is not None:
             energy["elastic"] = np.array(elastic, dtype=float)
-        t = np.array(step) * (self.substeps * self.dt)
         stress = {"stress": self.cell.stress(t, x, v, self.mass, self.static)} if self.static else {}
         return {
             **stress,
@@ -183,14 +222,25 @@ class Run(Bodies):
             "angle": angle,
             "omega": omega,
             "gap": self._gaps(t, x, point, normal),
-            "fn": forces[:, :, 0],
-            "fs": forces[:, :, 1],
+            "fn": fn,
+            "fs": fs,
             "force_meaning": self.force_meaning,
             "wall_point": point,
-            "wall_angle": np.arctan2(normal[:, :, 1], normal[:, :, 0]),
+            "wall_angle": normal if d == 3 else np.arctan2(normal[:, :, 1], normal[:, :, 0]),
             "wall_force": wall_force,
             "energy": energy,
         }
+
+    def _energy(self, x, v, omega):
+        """Energies [J] of each sample: sums over its bodies alone, as BLAS rounds those of a sample by how many samples there are."""
+        gravity = {"gravity": -((x * self.gravity).sum(axis=2) * self.mass).sum(axis=1)}
+        if self.dimension == 2:
+            # A blocked spin is prescribed: it exchanges no energy with the scene and is not counted, as in the in-house DEM.
+            inertia = np.where(self.rotating, self.inertia, 0.0)
+            return {"kinetic": 0.5 * ((v**2).sum(axis=2) * self.mass + omega**2 * inertia).sum(axis=1), **gravity}
+        translation = 0.5 * ((v**2).sum(axis=2) * self.mass).sum(axis=1)
+        rotation = 0.5 * ((omega**2).sum(axis=2) * self.inertia).sum(axis=1)
+        return {"translation": translation, "rotation": rotation, "kinetic": translation + rotation, **gravity}
 
     def _gaps(self, t, x, point, normal):
         """Gaps of the watched pairs, shape (samples, pairs)."""
@@ -246,33 +296,24 @@ class SpringRun(Run):
 
     With a = xi dt/2 and a ``central`` form of damping, ``v+ = ((1 - a) v- + dt F/m)/(1 + a)``, masses and inertias times
     ``1 + a`` make the step an undamped one (or one with the lagged drag, ``v+ = v- + dt (F/m - xi v-)``): ``inflate``. Each
-    driver derives what its engine makes of that. ``start`` reaches ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``.
+    driver derives what its engine makes of that. ``start`` reaches ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``. In 3D there is no global
+    damping: xi and a are 0, ``inflate`` and ``decay`` are 1.
     """
 
-    name = ""
-    """The engine's, for messages."""
-
-    needs_a_disk = True
-
     def __init__(self, request):
-        extra = request["extra"]
-        super().__init__(request, extra["contact_dt"], extra["substeps"])
-        if self.needs_a_disk and not self.n:
-            raise ValueError(f"there is no disk: {self.name} needs at least one")
+        super().__init__(request)
         self.central = request["numerics"]["damping_form"] == "central"
         self.a = 0.5 * self.xi * self.dt
         self.inflate = 1.0 + self.a if self.central else 1.0
         self.decay = (1.0 - self.a) / (1.0 + self.a) if self.central else 1.0 - 2.0 * self.a
-        self.preload = [tuple(entry) for entry in request["scene"]["initial_shear"] if entry[2]]
-        self.all_laws = [self.law, *(wall["law"] for wall in self.walls), *self.laws.values()]
-        self.damped = any(law["beta"] > 0.0 for law in self.all_laws)
+        self.preload = [tuple(entry) for entry in request["scene"].get("initial_shear", []) if entry[2]]
 
     def loads_at(self, step):
         """`loads` of a contact step: over the time between the half steps beside it, in the first from time 0."""
         return self.loads(max(step - 0.5, 0.0) * self.dt, (step + 0.5) * self.dt)
 
     def sums(self, contacts, pose):
-        """Force on each wall [N], shape (m, 2), and elastic energy [J] of contacts ``{(i, j): (fn, fs, overlap)}``."""
+        """Force on each wall [N], shape (m, 2), and elastic energy [J] of contacts ``{(i, j): (fn, fs, overlap)}`` of disks."""
         loads, elastic = np.zeros((len(self.walls), 2)), 0.0
         for (i, j), (fn, fs, overlap) in contacts.items():
             law = self.law_of(i, j)
@@ -284,29 +325,83 @@ class SpringRun(Run):
                 loads[j - self.n] += fn * normal - fs * np.array([-normal[1], normal[0]])
         return loads, elastic
 
-    def watched(self, contacts):
-        """(fn, fs) [N] of the watched pairs."""
-        return [contacts[pair][:2] if pair in contacts else (0.0, 0.0) for pair in self.pairs]
+    def rebound(self, law):
+        """``exp(-pi beta/sqrt(1 - beta^2))``, the restitution by which engines know a dashpot; 0 where it is overdamped."""
+        beta = law["beta"]
+        return math.exp(-math.pi * beta / math.sqrt(1.0 - beta**2)) if beta < 1.0 else 0.0
 
-    def check_in_front(self, height, w, engine):
-        """Raise if a disk's centre, ``height`` [m] above wall ``w``, is behind it; ``engine`` says what happens there."""
-        if (height < 0.0).any():
-            raise RuntimeError(
-                f"disk {int(np.argmin(height))} is {-height.min():g} m behind wall {self.walls[w]['name']!r}, where {engine}: "
-                "a smaller contact_dt or a stiffer wall is the way out"
-            )
+
+LAW = {
+    "kn": 0.0,
+    "ks": 0.0,
+    "e_star": 0.0,
+    "g_star": 0.0,
+    "mu": 0.0,
+    "beta": 0.0,
+    "restitution": None,
+    "cohesion": 0.0,
+    "unloading": "force",
+    "rolling": None,
+    "twisting": None,
+    "surface_energy": 0.0,
+    "surface": "dmt",
+    "friction_pull": 1.0,
+}
+"""What the wire leaves out of a law."""
 
 
 def completed(law, turning):
-    """A law with the fields that the wire leaves out where they are absent; without rolling resistance where no disk can turn."""
-    return {"cohesion": 0.0, **law, "rolling": law.get("rolling") if turning else None}
+    """A law with the fields that the wire leaves out; without resistance to spins where no body can turn."""
+    full = {**LAW, **law}
+    return full if turning else {**full, "rolling": None, "twisting": None}
 
 
 def rough(law):
     """Whether a contact can carry shear."""
-    return law["mu"] > 0.0 and law["ks"] > 0.0
+    return law["mu"] > 0.0 and (law["ks"] > 0.0 or law["g_star"] > 0.0)
 
 
 def number(value):
     """Shortest text that gives the same double back."""
     return repr(float(value))
+
+
+def numbers(values):
+    """Texts of several, with blanks between them."""
+    return " ".join(map(number, values))
+
+
+def ids(members):
+    """Numbers of the bodies of a mask as text, counted from 1."""
+    return " ".join(str(i + 1) for i in np.flatnonzero(members))
+
+
+def in_3d(vectors):
+    """Vectors, or one, with three components: those of 2D get z = 0."""
+    vectors = np.asarray(vectors)
+    if vectors.shape[-1] == 3:
+        return vectors
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 1))], axis=-1)
+
+
+def spin_in_3d(omega):
+    """Spins as vectors: those of 2D, numbers, are about z."""
+    omega = np.asarray(omega)
+    return omega if omega.ndim == 2 else np.column_stack([np.zeros((len(omega), 2)), omega])
+
+
+def length(vector):
+    """Length of a vector."""
+    return float(np.hypot(*vector) if len(vector) == 2 else np.linalg.norm(vector))
+
+
+def triangle(middle, point, normal, reach):
+    """Corners of an equilateral triangle in a wall of 3D, about the foot of ``middle``, with the inradius ``reach``.
+
+    Their order is that of turning about ``normal``.
+    """
+    foot = middle - ((middle - point) @ normal) * normal
+    one = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    one /= np.linalg.norm(one)
+    two = np.cross(normal, one)
+    return [foot + 2.0 * reach * (np.cos(a) * one + np.sin(a) * two) for a in 2.0 * np.pi / 3.0 * np.arange(3)]

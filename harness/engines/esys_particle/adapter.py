@@ -1,5 +1,4 @@
-"""Adapter of ESyS-Particle (explicit DEM of spheres, Apache): a process under mpirun; in the plane spheres without rotation, smooth
-infinite walls."""
+"""Adapter of ESyS-Particle (explicit DEM of spheres, Apache): a process under mpirun, smooth infinite walls; disks do not rotate."""
 
 from __future__ import annotations
 
@@ -8,17 +7,31 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.engines.esys_particle.space import ESYS_IN_SPACE
-from ninedisk.harness.engines.plane import OF_SLIP, no_contact_can_slip, wall_reach
+from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.process import clean_environment, system_python, system_version, without_mpi
-from ninedisk.harness.engines.spring import Fit, SpringEngine
+from ninedisk.harness.engines.spring import (
+    NOTE_OVERDAMPED,
+    NOTE_UNIFORM,
+    SPRINGS_3D,
+    Fit,
+    SpringEngine,
+    fit_arms,
+    plane_laws,
+    rough,
+    sphere_laws,
+    uniform,
+)
+from ninedisk.harness.engines.symmetry import OF_SLIP, no_contact_can_slip
 
 DRIVER = Path(__file__).with_name("driver.py")
 PROGRAMS = ("esysparticle", "mpirun")
+CAPABILITIES_3D = SPRINGS_3D | {Capability.LEVER_ARM_OVERLAP, Capability.ROTATING_WALLS}
 CAPABILITIES = frozenset(
     {
         Capability.LINEAR_CONTACT,
@@ -29,7 +42,7 @@ CAPABILITIES = frozenset(
         Capability.GRAVITY,
         Capability.BLOCKED_ROTATION,
     }
-) | (SPACE & ESYS_IN_SPACE.capabilities)
+) | (SPACE & CAPABILITIES_3D)
 NEEDLESS = OF_SLIP | {Capability.DISK_INERTIA}
 """What no engine needs where no contact can slip: nothing turns the disks either."""
 
@@ -41,6 +54,26 @@ NOTE_FORCES = (
     "forces on its walls"
 )
 VERSION = "import numpy; from esys.lsm.util import InstallInfo; print(InstallInfo.version)"
+
+# Notes on scenes of 3D.
+NOTE_PLANES = "planes are smooth linear springs (NRotElasticWall): no friction, no dashpot and no Hertz law at a plane"
+NOTE_ROUGH_HERTZ = (
+    "HertzMindlin sees no spins and forgets its shear force with every search of neighbours, HertzMindlinVisco has no shear spring: "
+    "friction is expressed beside the linear law only"
+)
+NOTE_LINEAR_DASHPOT = (
+    "LinearDashpot acts along the surface as well: contact damping is expressed beside Hertz' law only"
+)
+NOTE_ARM = (
+    "lever arm of shear torque and slip: a share of the distance by the radii, R - overlap/2 between equal spheres"
+)
+NOTE_DIRECTION = "shear forces keep their direction in space while their contact turns (RotFriction, whose option rigid does nothing)"
+NOTE_ONE_LAW = "Hertz' law is one for all contacts: HertzMindlinVisco takes no tags of spheres"
+NOTE_BLOCKED_SPIN = "a sphere whose rotation is blocked has no spin"
+NOTE_DASHPOT_3D = "dashpot with the velocity of t_{n-1/2}; it may pull"
+NOTE_FORCES_3D = (
+    "shear forces by restart files; normal forces from the forces on spheres and planes, where those tell them"
+)
 
 
 FACTS = EngineInfo(
@@ -57,12 +90,13 @@ FACTS = EngineInfo(
 
 
 class EsysParticle(SpringEngine):
-    """ESyS-Particle: in the plane linear elastic contacts of non-rotating spheres, leap-frog, one worker process."""
+    """ESyS-Particle: in 2D linear elastic contacts of non-rotating spheres, leap-frog, one worker process."""
 
     id = "esys-particle"
     facts = FACTS
     driver = DRIVER
-    in_space = ESYS_IN_SPACE
+    capabilities_3d = CAPABILITIES_3D
+    dashpot_note_3d = NOTE_DASHPOT_3D
     chosen: Mapping[str, Any] = {
         "global damping": "velocities scaled by the driver between steps, masses times 1 + xi dt/2 in the central form; "
         "LinDamping is implicit and iterates to 3e-5 only",
@@ -70,6 +104,13 @@ class EsysParticle(SpringEngine):
         "walls": "infinite planes moved by the driver before each step",
         "particles": "NRotSphere in the plane z = 0 (force2dComputations)",
         "interactions": "NRotElastic without scaling, NRotElasticWall",
+        "processes": "a master and one worker",
+    }
+    chosen_3d: Mapping[str, Any] = {
+        "particles": "RotSphere",
+        "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
+        "walls": "infinite planes moved and turned by the driver before each step; normalK is kn/(pi R), by tags of equal radii",
+        "rigid": False,
         "processes": "a master and one worker",
     }
 
@@ -114,6 +155,38 @@ class EsysParticle(SpringEngine):
         if scene.disks.omega.any():
             fit.lacks(Capability.DISK_INERTIA, NOTE_SPIN)
         fit.notes += [] if fit.missing else [NOTE_FORCES]
+
+    def fit_3d(self, scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG002
+        """Smooth linear planes; friction beside the linear law, dashpots beside Hertz'."""
+        fit_arms(scene, fit, "overlap", "overlap")
+        between, laws = sphere_laws(scene), scene.laws_in_use
+        planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
+        asked = [
+            (Capability.SHEAR_SPRING, any(map(rough, planes))),
+            (Capability.CONTACT_DAMPING, any(law.beta > 0.0 for law in planes)),
+            (Capability.HERTZ_MINDLIN, any(law.hertz for law in planes)),
+        ]
+        if lacking := [capability for capability, needed in asked if needed]:
+            fit.missing.update(lacking)
+            fit.notes.append(NOTE_PLANES)
+        if any(law.hertz and rough(law) for law in between):
+            fit.lacks(Capability.SHEAR_SPRING, NOTE_ROUGH_HERTZ)
+        if any(law.beta > 0.0 and not law.hertz for law in between):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_LINEAR_DASHPOT)
+        if any(law.beta >= 1.0 for law in between):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_OVERDAMPED)
+        if len(laws) > 1 and any(law.hertz for law in laws):
+            fit.lacks(Capability.MATERIALS, NOTE_ONE_LAW)
+        if not uniform(scene):
+            fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
+        if scene.spheres.omega[~scene.spheres.rotating].any():
+            fit.lacks(Capability.BLOCKED_ROTATION, NOTE_BLOCKED_SPIN)
+        if any(map(rough, between)):
+            fit.approximate = True
+            fit.notes += [NOTE_ARM, NOTE_DIRECTION]
+            if scene.spheres.rotating.any() and len(np.unique(scene.spheres.radius)) > 1:
+                fit.near.add(Capability.LEVER_ARM_OVERLAP)
+        fit.notes += [] if fit.missing else [NOTE_FORCES_3D]
 
     def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Also the size of the domain."""

@@ -1,4 +1,4 @@
-"""Adapter of Kratos DEM (explicit DEM of disks, BSD): a process of its own, walls as moving edges."""
+"""Adapter of Kratos DEM (explicit DEM, BSD): a process of its own, walls as moving edges and triangles."""
 
 from __future__ import annotations
 
@@ -10,12 +10,42 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import LEVER_ARMS, ROLLING, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.engines.kratos.space import KRATOS_IN_SPACE
-from ninedisk.harness.engines.plane import no_disk_can_turn, wall_reach
+from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.process import package_version
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
+from ninedisk.harness.engines.spring import (
+    ARMS,
+    NOTE_MEAN,
+    Fit,
+    SpringEngine,
+    disk_laws,
+    hertz,
+    plane_laws,
+    rough,
+    sphere_laws,
+    turns,
+    uneven_planes,
+    wall_laws,
+)
+from ninedisk.harness.engines.symmetry import no_disk_can_turn
 
 PACKAGES = ("KratosDEMApplication", "KratosMultiphysics")
+CAPABILITIES_3D = frozenset(
+    {
+        Capability.SPHERES,
+        Capability.LINEAR_CONTACT,
+        Capability.HERTZ_MINDLIN,
+        Capability.SHEAR_SPRING,
+        Capability.FRICTION,
+        Capability.CONTACT_DAMPING,
+        Capability.MOVING_WALLS,
+        Capability.ROTATING_WALLS,
+        Capability.CURVED_WALL_MOTION,
+        Capability.GRAVITY,
+        Capability.DISK_INERTIA,
+        Capability.LEVER_ARM_OVERLAP,
+        Capability.SLIP_END,
+    }
+)
 CAPABILITIES = frozenset(
     {
         Capability.LINEAR_CONTACT,
@@ -72,6 +102,25 @@ NOTE_ROLLING_PAIRS = (
 )
 NOTE_ONE_DASHPOT = "one damping ratio for all pairs of disks"
 
+# Notes on scenes of 3D.
+NOTE_ARMS_3D = "lever arm of shear torque and slip: R - overlap/2 between spheres, but R - overlap at planes"
+NOTE_DASHPOT_3D = (
+    "dashpot with the velocity of t_{n-1/2}; never tension: rebounds are faster than with one that may pull"
+)
+NOTE_NO_DASHPOT_3D = (
+    "Kratos' dashpots act along the shear spring too, and its forces of planes cannot be taken apart where one is rough and another has a "
+    "dashpot: contact damping is expressed without friction only"
+)
+NOTE_ROUGH_HERTZ = (
+    "Kratos' shear force beside Hertz' law grows by 8 G* a ds, and shrinks with the contact radius where that falls: none of the scene's "
+    "rules of unloading"
+)
+NOTE_TURNING_3D = (
+    "forces of planes keep their direction: where a plane turns, shear forces gain the normal force times the rotation"
+)
+NOTE_ONE_LAW = "one normal model for all contacts: linear and Hertz' beside each other are two"
+NOTE_MODULI = "E* of a contact comes of the moduli of both bodies: no materials have those of this scene"
+
 
 FACTS = EngineInfo(
     id="kratos",
@@ -94,19 +143,27 @@ FACTS = EngineInfo(
 
 
 class Kratos(SpringEngine):
-    """Kratos DEM: cylinders in the plane, symplectic Euler, one thread."""
+    """Kratos DEM: cylinders in 2D, spheres in 3D, symplectic Euler, one thread."""
 
     id = "kratos"
     facts = FACTS
     driver = Path(__file__).with_name("driver.py")
     dashpot_note = NOTE_DASHPOT
-    in_space = KRATOS_IN_SPACE
+    capabilities_3d = CAPABILITIES_3D
+    dashpot_note_3d = NOTE_DASHPOT_3D
     chosen: Mapping[str, Any] = {
         "global damping": "external force -xi m v and moment -xi I w; central form by nodal masses and inertias times 1 + xi dt/2",
         "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
         "walls": "RigidEdge2D2N, one each, nodes placed by the driver at t_n before the forces at t_n",
         "element": "CylinderParticle2D",
         "scheme": "Symplectic_Euler, Direct_Integration",
+        "NeighbourSearchFrequency": 1,
+    }
+    chosen_3d: Mapping[str, Any] = {
+        "element": "SphericParticle3D",
+        "scheme": "Symplectic_Euler, Direct_Integration",
+        "walls": "RigidFace3D3N, one each, nodes placed by the driver at t_n before the forces at t_n",
+        "reported_velocities": "(v(n-1/2) + v(n+1/2))/2",
         "NeighbourSearchFrequency": 1,
     }
 
@@ -148,11 +205,50 @@ class Kratos(SpringEngine):
         if damped and len(between) > 1:
             fit.lacks(Capability.MATERIALS, NOTE_ONE_DASHPOT)
 
-    def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
-        """Also the length of walls."""
-        if isinstance(scene, SphereScene):
-            return super().extra(scene, numerics, folder)
-        return {**super().extra(scene, numerics, folder), "reach": wall_reach(scene, numerics, self.id)}
+    def fit_3d(self, scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG002
+        """Lever arms, smooth planes where they turn, and dashpots without friction alone."""
+        fit.missing -= ARMS
+        planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
+        if scene.spheres.rotating.any():
+            asked = [law for law in sphere_laws(scene) if rough(law) and law.lever_arm != "overlap"]
+            fit.near |= {LEVER_ARMS[law.lever_arm] for law in (*asked, *filter(rough, planes))}
+            if fit.near:
+                fit.notes.append(NOTE_ARMS_3D)
+        if any(turns(wall.motion) and any(map(rough, plane_laws(scene, wall))) for wall in scene.walls):
+            fit.lacks(Capability.ROTATING_WALLS, NOTE_TURNING_3D)
+        if uneven_planes(scene):
+            fit.equivalent = True
+            fit.notes.append(NOTE_MEAN)
+        damped = [law for law in scene.laws_in_use if law.beta > 0.0]
+        if any(map(rough, damped)) or (any(law.beta > 0.0 for law in planes) and any(map(rough, planes))):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT_3D)
+        fit.approximate = bool(damped)
+        kinds = {law.hertz for law in scene.laws_in_use}
+        if len(kinds) > 1:
+            fit.lacks(Capability.MATERIALS, NOTE_ONE_LAW)
+        elif kinds == {True}:
+            if any(map(rough, scene.laws_in_use)):
+                fit.lacks(Capability.SHEAR_SPRING, NOTE_ROUGH_HERTZ)
+            if moduli(scene) is None:
+                fit.lacks(Capability.HERTZ_MINDLIN, NOTE_MODULI)
+
+    def extra(self, scene: Scene | SphereScene, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
+        """Also the length of walls, and moduli of Hertz' law."""
+        return {
+            **super().extra(scene, numerics, folder),
+            "elastic": moduli(scene) if isinstance(scene, SphereScene) and hertz(scene) else [],
+            "reach": wall_reach(scene, numerics, self.id),
+        }
+
+
+def moduli(scene: SphereScene) -> list[float] | None:
+    """Young's moduli [Pa], with nu = 0, of the spheres and of each wall; None where no materials have the scene's E*."""
+    own = [law.e_star for wall in scene.walls for law in plane_laws(scene, wall)]
+    # Of one sphere the law between spheres says nothing.
+    sphere = 2.0 * scene.sphere_sphere.e_star if len(scene.spheres) > 1 else 2.0 * min(own, default=1.0)
+    if any(e_star >= sphere for e_star in own):
+        return None
+    return [sphere, *(1.0 / (1.0 / e_star - 1.0 / sphere) for e_star in own)]
 
 
 ENGINE = Kratos()

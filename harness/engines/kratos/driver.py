@@ -10,10 +10,16 @@ are therefore put to their places of t_n before that step. With a = xi dt/2:
 - start ``v_{1/2} = v_0 + dt/2 (F_0/m - xi v_0)``: the first step starts from v_0 without drag and is corrected at its end by the
   force that it shows;
 - both forms have ``v_n = (v- + v+)/2``.
+In 2D a wall is an edge, in 3D a triangle, moved by its nodes.
+
+Kratos keeps the sum of the forces of walls on a body, see `Run._disks_at_walls` and `Run._spheres_at_walls`. Without friction there is
+Hertz' law of spheres, too: of materials with nu = 0, whose moduli give each contact its E*.
+
 Kratos writes into the current folder and much to standard output.
 """
 
 import json
+import math
 import os
 import sys
 from importlib import metadata
@@ -23,12 +29,17 @@ sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import KratosMultiphysics as Kratos
 import numpy as np
-from driver_parts import SpringRun, clock, number, rough, serve
+from driver_parts import SpringRun, clock, in_3d, length, number, numbers, rough, serve, spin_in_3d, triangle
 from KratosMultiphysics import DEMApplication as Dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
 
 LAW = "DEM_D_Linear_Custom_Constants"
 """Linear springs and dashpot without tension, Coulomb friction; stiffnesses given pair by pair, whatever Young's modulus."""
+HERTZ = "DEM_D_Hertz_viscous_Coulomb"
+
+ELEMENTS = {2: ("CylinderParticle2D", "CylinderPartDEMElement2D"), 3: ("SphericParticle3D", "SphericPartDEMElement3D")}
+"""Of bodies: in their file, and in the parameters."""
+WALLS = {2: "RigidEdge2D2N", 3: "RigidFace3D3N"}
 
 ROLLING = {
     "": "DEMRollingFrictionModelBounded",
@@ -53,41 +64,43 @@ class Run(SpringRun):
     def __init__(self, request):
         super().__init__(request)
         self.reach, self.time = request["extra"]["reach"], 0.0
+        self.elastic = request["extra"].get("elastic", [])  # Young's modulus of the spheres, then of each wall
+        self.model, self.angle = HERTZ if self.elastic else LAW, np.zeros((self.n, 3))
         middle = 0.5 * (self.x0.min(axis=0) + self.x0.max(axis=0))
-        self.along = [
-            (middle - pose[0:2]) @ (-pose[3], pose[2]) for pose in self.path[0]
-        ]  # middle of each edge, opposite the middle of the disks
-        self.shifts = np.array([[along - self.reach, along + self.reach] for along in self.along]).reshape(-1, 2)
-        self.ends = self._ends(0)
+        if self.dimension == 2:
+            along = [
+                (middle - row[0:2]) @ (-row[3], row[2]) for row in self.path[0]
+            ]  # middle of each edge, opposite the middle of the disks
+            self.shifts = np.array([[each - self.reach, each + self.reach] for each in along]).reshape(-1, 2)
+            self.corners = self._ends(0)
+        else:
+            self.corners = np.array([triangle(middle, row[0:3], row[3:6], self.reach) for row in self.path[0]])
         self._build()
 
     def version(self):
         return metadata.version("KratosDEMApplication")
 
     def settings(self):
-        return {"contact law": LAW, "edge half-length [m]": self.reach}
+        size = "edge half-length [m]" if self.dimension == 2 else "triangle's inradius [m]"
+        return {"contact law": self.model, size: self.reach}
 
     def _build(self):
-        density = self.mass / (np.pi * self.radius**2)
+        volume = np.pi * self.radius**2 if self.dimension == 2 else 4.0 / 3.0 * np.pi * self.radius**3
         material = np.unique(self.material, return_inverse=True)[1]
-        rows = np.column_stack([density, material])
+        rows = np.column_stack([self.mass / volume, material])
         kinds, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         files = {
-            f"{NAME}DEM.mdpa": disks_file(self.x0, self.radius, kind.reshape(-1).tolist()),
-            f"{NAME}DEM_FEM_boundary.mdpa": walls_file(self.ends.tolist()),
+            f"{NAME}DEM.mdpa": bodies_file(
+                in_3d(self.x0), self.radius, kind.reshape(-1).tolist(), ELEMENTS[self.dimension][0]
+            ),
+            f"{NAME}DEM_FEM_boundary.mdpa": walls_file(self.corners.tolist(), WALLS[self.dimension]),
             "MaterialsDEM.json": materials(self, kinds[:, 0].tolist(), first.tolist()),
         }
         for name, text in files.items():
             with open(name, "w", encoding="ascii") as file:
                 file.write(text)
         Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
-        text = parameters(
-            self.dt,
-            self.gravity.tolist(),
-            SEARCH * float(self.radius.min()),
-            any(law["rolling"] for law in self.all_laws),
-        )
-        self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(text))
+        self.stage = DEMAnalysisStage(Kratos.Model(), Kratos.Parameters(parameters(self)))
         self.stage.Initialize()
         self.solver, self.part = self.stage._GetSolver(), self.stage.spheres_model_part
         names = ("SpheresPart", "ClusterPart", "DEMInletPart", "RigidFacePart")
@@ -98,12 +111,14 @@ class Run(SpringRun):
         )
         self.nodes = sorted(self.part.Nodes, key=lambda node: node.Id)
         self.numbers, self.all_nodes = {node.Id: i for i, node in enumerate(self.nodes)}, Nodes(self.nodes)
-        for properties in self.part.Properties:  # the law itself has no dashpot against walls here: see the adapter
+        # The law itself has no dashpot against walls of 2D here: see the adapter. Hertz' one is 2 gamma sqrt(m S), S the tangent stiffness.
+        share = math.sqrt(5.0 / 6.0) if self.elastic else 1.0
+        for properties in self.part.Properties:
             for pair in properties.GetSubProperties():
                 wall = (
                     max(properties.Id, pair.Id) - len(kinds) - 1
-                )  # materials are numbered from 1, those of disks first
-                pair[Dem.DAMPING_GAMMA] = self.law["beta"] if wall < 0 else self.walls[wall]["law"]["beta"]
+                )  # materials are numbered from 1, those of bodies first
+                pair[Dem.DAMPING_GAMMA] = share * (self.law if wall < 0 else self.walls[wall]["law"])["beta"]
         for i, node in enumerate(self.nodes):
             node.SetSolutionStepValue(Kratos.NODAL_MASS, float(self.mass[i] * self.inflate))
             node.SetSolutionStepValue(Dem.PARTICLE_MOMENT_OF_INERTIA, float(self.inertia[i] * self.inflate))
@@ -115,7 +130,7 @@ class Run(SpringRun):
         )
 
     def _ends(self, row):
-        """End points of the walls' edges at a contact step, shape (m, 2, 3); material points of the walls."""
+        """End points of the edges of walls of 2D at a contact step, shape (m, 2, 3); material points of the walls."""
         pose = self.path[row]
         ends = np.zeros((len(pose), 2, 3))
         along = np.column_stack([-pose[:, 3], pose[:, 2]])
@@ -123,23 +138,45 @@ class Run(SpringRun):
         return ends
 
     def _place_walls(self, step):
+        """Put edges or triangles, material points of walls, where these are at a contact step, with what they moved by in it."""
         if step > len(self.path) or not self.walls:
             return  # at rest, and known to Kratos as such
-        before, self.ends = self.ends, self._ends(min(step, len(self.path) - 1))
-        displacement = self.ends - before
-        self.wall_nodes.move(self.ends)
-        self.wall_nodes.write(Dem.DELTA_DISPLACEMENT, displacement)
-        self.wall_nodes.write(Kratos.VELOCITY, displacement / self.dt)
+        before = self.corners
+        if self.dimension == 2:
+            self.corners = self._ends(min(step, len(self.path) - 1))
+            velocity = (self.corners - before) / self.dt
+        else:
+            here, there = self.pose(max(step - 1, 0)), self.pose(step)
+            self.corners, velocity = np.zeros((2, *before.shape))
+            for w, (old, new) in enumerate(zip(here, there, strict=True)):
+                turned = rotation(old[3:6], new[3:6], self.dt * new[9:12])
+                for k, corner in enumerate(before[w]):
+                    self.corners[w, k] = new[0:3] + turned @ (corner - old[0:3])
+                    velocity[w, k] = new[6:9] + np.cross(new[9:12], self.corners[w, k] - new[0:3])
+        self.wall_nodes.move(self.corners)
+        self.wall_nodes.write(Dem.DELTA_DISPLACEMENT, self.corners - before)
+        self.wall_nodes.write(Kratos.VELOCITY, velocity)
 
     def start(self):
         """Initial velocities."""
-        for i, node in enumerate(self.nodes):
-            node.SetSolutionStepValue(Kratos.VELOCITY, vector(self.v0[i]))
-            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, [0.0, 0.0, float(self.omega0[i])])
+        self._set(self.v0, self.omega0)
+
+    def _set(self, v, omega):
+        for node, velocity, spin in zip(self.nodes, in_3d(v), spin_in_3d(omega), strict=True):
+            node.SetSolutionStepValue(Kratos.VELOCITY, vector(velocity))
+            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, vector(spin))
 
     def read(self, variable):
-        """A vector variable of all disks, shape (n, 3)."""
+        """A vector variable of all bodies, shape (n, 3)."""
         return self.all_nodes.read(variable)
+
+    def own(self, vectors):
+        """The scene's components of vectors."""
+        return vectors[:, : self.dimension]
+
+    def own_spins(self, vectors):
+        """The scene's components of spins."""
+        return vectors[:, 2] if self.dimension == 2 else vectors
 
     def advance(self, sampled):
         """All steps; returns the seconds that are not spent on samples, see `clock`."""
@@ -149,6 +186,7 @@ class Run(SpringRun):
             sampling = step in wanted
             if sampling:
                 before = self.state()
+            self._place_walls(step)
             self._step(step, sampling)
             if step == 0:
                 self._correct_start()
@@ -156,10 +194,11 @@ class Run(SpringRun):
                 spent += clock() - begin
                 self._sample(step, *before)
                 begin = clock()
+            if self.dimension == 3:
+                self.angle = self.angle + self.dt * self.read(Kratos.ANGULAR_VELOCITY)
         return spent + clock() - begin
 
     def _step(self, step, sampling):
-        self._place_walls(step)
         # What the solver's own steps do, without those of the stage around it, whose housekeeping takes ten times as long, nor the solver's
         # in Python, which takes a quarter.
         self.time += self.dt
@@ -180,69 +219,74 @@ class Run(SpringRun):
         self.strategy.FinalizeSolutionStep()
 
     def _correct_start(self):
-        """From ``v_0 + dt F_0/m`` (mass as Kratos has it) to ``v_{1/2}``; the disks and their turns follow."""
-        dt, v, w = self.dt, self.read(Kratos.VELOCITY)[:, :2], self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
+        """From ``v_0 + dt F_0/m`` (mass as Kratos has it) to ``v_{1/2}``; the bodies and their turns follow."""
+        dt, (_, v, w, _) = self.dt, self.state()
         half = self.v0 + 0.5 * ((v - self.v0) * self.inflate - dt * self.xi * self.v0)
         spin = self.omega0 + 0.5 * ((w - self.omega0) * self.inflate - dt * self.xi * self.omega0)
+        places, displacements, turns = in_3d(self.x0 + dt * half), in_3d(dt * half), spin_in_3d(dt * spin)
         for i, node in enumerate(self.nodes):
-            displacement, turn = dt * half[i], [0.0, 0.0, float(dt * spin[i])]
-            node.X, node.Y = (float(c) for c in self.x0[i] + displacement)
+            node.X, node.Y, node.Z = places[i].tolist()
             for name in (Dem.DELTA_DISPLACEMENT, Kratos.DISPLACEMENT):
-                node.SetSolutionStepValue(name, vector(displacement))
+                node.SetSolutionStepValue(name, vector(displacements[i]))
             for name in (Kratos.DELTA_ROTATION, Dem.PARTICLE_ROTATION_ANGLE):
-                node.SetSolutionStepValue(name, turn)
-            node.SetSolutionStepValue(Kratos.VELOCITY, vector(half[i]))
-            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, [0.0, 0.0, float(spin[i])])
+                node.SetSolutionStepValue(name, vector(turns[i]))
+        self._set(half, spin)
 
     def state(self):
-        """Positions [m], velocities [m/s], spins [rad/s] and angles [rad] that Kratos holds."""
-        x = self.all_nodes.places()[:, :2]
-        v, omega = self.read(Kratos.VELOCITY)[:, :2], self.read(Kratos.ANGULAR_VELOCITY)[:, 2]
-        return x, v, omega, self.read(Dem.PARTICLE_ROTATION_ANGLE)[:, 2]
+        """Positions [m], velocities [m/s], spins [rad/s] and angles [rad] that Kratos holds; of spheres the sums of their spins."""
+        angle = self.read(Dem.PARTICLE_ROTATION_ANGLE)[:, 2] if self.dimension == 2 else self.angle
+        v, omega = self.own(self.read(Kratos.VELOCITY)), self.own_spins(self.read(Kratos.ANGULAR_VELOCITY))
+        return self.own(self.all_nodes.places()), v, omega, angle
 
     def _sample(self, step, x, v, omega, angle):
         """State at ``t_n``: positions and angles before the step, mean velocities, the forces that the step has computed."""
         _, after, spun, _ = self.state()
-        pose = self.pose(step)
-        found = {**self._disk_contacts(x), **self._wall_contacts(x, pose)}
-        loads, elastic = self.sums(found, pose)
+        pose, elastic = self.pose(step), None
+        total = -self.own(self.read(Dem.RIGID_ELEMENT_FORCE))  # of walls on the bodies
+        found = self._pairs(x)
+        if self.dimension == 2:
+            found.update(self._disks_at_walls(x, pose, total))
+            loads, elastic = self.sums(found, pose)
+        else:
+            loads = self._spheres_at_walls(x, pose, total, found)
         if step:
             v, omega = 0.5 * (v + after), 0.5 * (omega + spun)
         else:
             v, omega = self.v0, self.omega0
-        self.sample(step // self.substeps, x, v, omega, angle, self.watched(found), pose, loads, elastic)
+        self.sample(step // self.substeps, x, v, omega, angle, found, loads, elastic)
 
-    def _disk_contacts(self, x):
-        """Touching pairs of disks: ``{(i, j): (fn, fs, overlap)}``, forces as Kratos keeps them."""
+    def _pairs(self, x):
+        """Touching pairs of bodies: ``{(i, j): (fn, fs, overlap)}``, forces as Kratos keeps them."""
         self.solver.PrepareContactElementsForPrinting()
         found = {}
         for element in self.stage.contact_model_part.Elements:
             one, two = (self.numbers[node.Id] for node in element.GetNodes())
             i, j = min(one, two), max(one, two)
             d = x[j] - x[i]
-            distance = float(np.hypot(*d))
+            distance = length(d)
             overlap = float(self.radius[i] + self.radius[j] - distance)
             if overlap > 0.0:
                 force = element.GetValue(Dem.GLOBAL_CONTACT_FORCE)
-                force = np.array((force[0], force[1]))  # by component, as iterating one is slow
+                # By component, as iterating one is slow.
+                force = np.array((force[0], force[1]) if self.dimension == 2 else (force[0], force[1], force[2]))
                 if one > two:
                     force = -force
                 normal = d / distance
-                found[i, j] = (float(-force @ normal), float(force @ (-normal[1], normal[0])), overlap)
+                fn = float(-force @ normal)
+                fs = float(force @ (-normal[1], normal[0])) if self.dimension == 2 else force + fn * normal
+                found[i, j] = fn, fs, overlap
         return found
 
-    def _wall_contacts(self, x, pose):
-        """Touching pairs of a disk and a wall, as `_disk_contacts`.
+    def _disks_at_walls(self, x, pose, total):
+        """Touching pairs of a disk and a wall, as `_pairs`.
 
-        Kratos keeps the sum of the walls' forces on a disk. What is left of it without the springs' normal forces is made of the
-        shear forces, which two walls that are not parallel share in one way only; else they are not observed.
+        What is left of the sum of the walls' forces without the springs' normal forces is made of the shear forces, which two walls that
+        are not parallel share in one way only; else they are not observed.
         """
         found = {}
-        total = -self.read(Dem.RIGID_ELEMENT_FORCE)[:, :2]  # on the disks
         away = x[:, None] - pose[None, :, 0:2]
-        near = (away * pose[None, :, 2:4]).sum(axis=2) < 1.01 * self.radius[
-            :, None
-        ]  # which of them touch is seen below
+        # Which of them touch is seen below.
+        near = (away * pose[None, :, 2:4]).sum(axis=2) < 1.01 * self.radius[:, None]
         for i in np.flatnonzero(near.any(axis=1)).tolist():
             touching = []
             for w in np.flatnonzero(near[i]).tolist():
@@ -270,6 +314,53 @@ class Run(SpringRun):
                 found[i, self.n + w] = (fn, float(shear.get(w, 0.0)), overlap)
         return found
 
+    def _spheres_at_walls(self, x, pose, total, found):
+        """Add touching pairs of a sphere and a wall to ``found``; returns the force on each wall [N].
+
+        Where no wall has a dashpot, normal forces follow from overlaps; what is left is the shear force of the one rough wall, and of
+        several it is not observed. Walls with dashpots are all smooth: their normal forces are what the sum is made of, where that is so
+        in one way only.
+        """
+        loads = np.zeros((len(self.walls), 3))
+        for i in range(self.n):
+            overlap = self.radius[i] - np.einsum("wc,wc->w", x[i] - pose[:, 0:3], pose[:, 3:6])
+            touching = np.flatnonzero(overlap > 0.0).tolist()
+            if not touching:
+                continue
+            laws = [self.law_of(i, self.n + w) for w in touching]
+            push = [normal_force(law, self.radius[i], float(overlap[w])) for w, law in zip(touching, laws, strict=True)]
+            if any(law["beta"] for law in laws):  # beside which no wall is rough
+                push, _, rank, _ = np.linalg.lstsq(pose[touching, 3:6].T, total[i], rcond=1e-9)
+                push = push if rank == len(touching) else np.full(len(touching), np.nan)
+            left = total[i] - np.array(push) @ pose[touching, 3:6]
+            shearing = [w for w, law in zip(touching, laws, strict=True) if rough(law)]
+            for w, fn in zip(touching, push, strict=True):
+                normal, shear = pose[w, 3:6], np.zeros(3)
+                if w in shearing:
+                    shear = left - (left @ normal) * normal if len(shearing) == 1 else np.full(3, np.nan)
+                found[i, self.n + w] = fn, shear
+                loads[w] -= fn * normal + shear
+        return loads
+
+
+def normal_force(law, radius, overlap):
+    """Of a wall without dashpot [N]."""
+    if law["e_star"]:
+        return 4.0 / 3.0 * law["e_star"] * np.sqrt(radius * overlap) * overlap
+    return law["kn"] * overlap
+
+
+def rotation(one, two, turn):
+    """Matrix of a rotation by ``turn`` [rad] that takes the normal ``one`` to ``two``: the shortest that does, after the twist about it."""
+    angle = float(np.linalg.norm(turn))
+    along = float(turn @ one) / angle if angle else 0.0
+    twist = 2.0 * math.atan2(math.sin(0.5 * angle) * along, math.cos(0.5 * angle))
+    x, y, z = one
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    about = np.eye(3) + math.sin(twist) * across + (1.0 - math.cos(twist)) * across @ across
+    both = one + two
+    return (np.eye(3) - np.outer(both, both) / (1.0 + one @ two) + 2.0 * np.outer(two, one)) @ about
+
 
 class Nodes:
     """Values of nodes, all at once: one by one each takes Kratos microseconds to find out of which kind it is."""
@@ -295,8 +386,8 @@ class Nodes:
 
 
 def vector(values):
-    """A vector of Kratos in the plane z = 0; a list takes it four times as long to read."""
-    return Kratos.Array3([float(values[0]), float(values[1]), 0.0])
+    """A vector of Kratos; a list takes it four times as long to read."""
+    return Kratos.Array3([float(value) for value in values])
 
 
 def block(name, lines):
@@ -305,11 +396,11 @@ def block(name, lines):
     return f"Begin {name}\n{body}End {name.split()[0]}\n\n"
 
 
-def disks_file(x, radius, kind):
-    """Disks as nodes 1..n, with a sub model part for each kind."""
+def bodies_file(x, radius, kind, element):
+    """Bodies as nodes 1..n, with a sub model part for each kind."""
     n = len(x)
-    text = HEAD + block("Nodes", (f"{i + 1} {number(x[i][0])} {number(x[i][1])} 0.0" for i in range(n)))
-    text += block("Elements CylinderParticle2D", (f"{i + 1} 0 {i + 1}" for i in range(n)))
+    text = HEAD + block("Nodes", (f"{i + 1} {numbers(x[i])}" for i in range(n)))
+    text += block(f"Elements {element}", (f"{i + 1} 0 {i + 1}" for i in range(n)))
     text += block("NodalData RADIUS", (f"{i + 1} 0 {number(radius[i])}" for i in range(n)))
     for k in range(max(kind) + 1):
         members = [str(i + 1) for i in range(n) if kind[i] == k]
@@ -318,36 +409,33 @@ def disks_file(x, radius, kind):
     return text
 
 
-def walls_file(edges):
-    """Walls as edges, ``edges`` the end points of each, with a sub model part for each."""
-    ends = [(w, end) for w, pair in enumerate(edges) for end in pair]
-    text = HEAD + block("Nodes", (f"{k + 1} {number(end[0])} {number(end[1])} 0.0" for k, (_, end) in enumerate(ends)))
-    text += block("Conditions RigidEdge2D2N", (f"{w + 1} 0 {2 * w + 1} {2 * w + 2}" for w in range(len(edges))))
-    for w in range(len(edges)):
+def walls_file(walls, condition):
+    """Walls as edges or triangles, ``walls`` the corners of each, with a sub model part for each."""
+    corners = [corner for wall in walls for corner in wall]
+    text = HEAD + block("Nodes", (f"{k + 1} {numbers(corner)}" for k, corner in enumerate(corners)))
+    names = [[str(len(wall) * w + k + 1) for k in range(len(wall))] for w, wall in enumerate(walls)]
+    text += block(f"Conditions {condition}", (f"{w + 1} 0 {' '.join(own)}" for w, own in enumerate(names)))
+    for w, own in enumerate(names):
         data = block("SubModelPartData", [f"IDENTIFIER wall{w}", "FIXED_MESH_OPTION 0", "RIGID_BODY_MOTION 0"])
-        nodes = block("SubModelPartNodes", [str(2 * w + 1), str(2 * w + 2)])
+        nodes = block("SubModelPartNodes", own)
         text += block(f"SubModelPart wall{w}", [data + nodes + block("SubModelPartConditions", [str(w + 1)])])
     return text
 
 
 def materials(run, densities, first):
-    """Materials: the kinds of disks by density and material, then the walls; relations of disks among themselves and with each wall.
+    """Materials: the kinds of bodies by density and material, then the walls; relations of bodies among themselves and with each wall.
 
-    ``first`` holds a disk of each kind.
+    ``first`` holds a body of each kind. Beside the linear law Young's modulus only shares the overlap of two bodies between them, and that
+    equally where it is the same.
     """
     kinds, walls = len(densities), len(run.walls)
     names = [f"kind{k}" for k in range(kinds)] + [f"wall{w}" for w in range(walls)]
-    # Young's modulus only shares the overlap of two disks between them, and that equally where it is the same.
-    common = {"YOUNG_MODULUS": run.law["kn"], "POISSON_RATIO": 0.0}
+    young = run.elastic or [run.law["kn"]] * (1 + walls)
+    own = [{"PARTICLE_DENSITY": density, "YOUNG_MODULUS": young[0]} for density in densities]
+    own += [{"COMPUTE_WEAR": False, "YOUNG_MODULUS": modulus} for modulus in young[1:]]
     found = [
-        {"material_name": name, "material_id": k + 1, "Variables": {**common, **own}}
-        for k, (name, own) in enumerate(
-            zip(
-                names,
-                [{"PARTICLE_DENSITY": density} for density in densities] + [{"COMPUTE_WEAR": False}] * walls,
-                strict=True,
-            )
-        )
+        {"material_name": name, "material_id": k + 1, "Variables": {"POISSON_RATIO": 0.0, **each}}
+        for k, (name, each) in enumerate(zip(names, own, strict=True))
     ]
     pairs = [(a, b, run.law_of(first[a], first[b])) for a in range(kinds) for b in range(a, kinds)]
     pairs += [(a, kinds + w, run.law_of(first[a], run.n + w)) for a in range(kinds) for w in range(walls)]
@@ -355,22 +443,21 @@ def materials(run, densities, first):
         {
             "material_names_list": [names[a], names[b]],
             "material_ids_list": [a + 1, b + 1],
-            "Variables": contact(pair_law),
+            "Variables": contact(law, run.model),
         }
-        for a, b, pair_law in pairs
+        for a, b, law in pairs
     ]
-    table = [[f"SpheresPart.kind{k}", f"kind{k}"] for k in range(kinds)]
-    table += [[f"RigidFacePart.wall{w}", f"wall{w}"] for w in range(walls)]
+    table = [[f"{'SpheresPart' if k < kinds else 'RigidFacePart'}.{name}", name] for k, name in enumerate(names)]
     return json.dumps(
         {"materials": found, "material_relations": relations, "material_assignation_table": table}, allow_nan=False
     )
 
 
-def contact(law):
+def contact(law, model):
     """Variables of one relation; a contact without friction or without shear spring carries no shear force."""
     mu = law["mu"] if rough(law) else 0.0
     return {
-        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": LAW,
+        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": model,
         "K_NORMAL": law["kn"],
         "K_TANGENTIAL": law["ks"] if rough(law) else law["kn"],
         "COEFFICIENT_OF_RESTITUTION": 1.0,  # the dashpot's ratio is set by the driver
@@ -383,18 +470,19 @@ def contact(law):
     }
 
 
-def parameters(dt, gravity, tolerance, rolls, dimension=2):
+def parameters(run):
     """Parameters of the analysis."""
+    gravity, tolerance = in_3d(run.gravity).tolist(), SEARCH * float(run.radius.min())
     return json.dumps(
         {
             "problem_name": NAME,
-            "Dimension": dimension,
+            "Dimension": run.dimension,
             "do_print_results_option": False,
             "dem_inlet_option": False,
             "BoundingBoxOption": False,
             "GravityX": gravity[0],
             "GravityY": gravity[1],
-            "GravityZ": gravity[2] if dimension == 3 else 0.0,
+            "GravityZ": gravity[2],
             "solver_settings": {
                 "strategy": "sphere_strategy",
                 "RemoveBallsInitiallyTouchingWalls": False,
@@ -402,7 +490,7 @@ def parameters(dt, gravity, tolerance, rolls, dimension=2):
                 "material_import_settings": {"materials_filename": "MaterialsDEM.json"},
             },
             "RotationOption": True,
-            "RollingFrictionOption": rolls,
+            "RollingFrictionOption": any(law["rolling"] for law in run.all_laws),
             "GlobalDamping": 0.0,
             "CleanIndentationsOption": False,
             "DeltaOption": "Absolute",
@@ -411,26 +499,17 @@ def parameters(dt, gravity, tolerance, rolls, dimension=2):
             "NeighbourSearchFrequency": 1,
             "ContactMeshOption": True,
             "PostRigidElementForces": True,
-            "ElementType": "CylinderPartDEMElement2D" if dimension == 2 else "SphericPartDEMElement3D",
+            "ElementType": ELEMENTS[run.dimension][1],
             "TranslationalIntegrationScheme": "Symplectic_Euler",
             "RotationalIntegrationScheme": "Direct_Integration",
             "AutomaticTimestep": False,
-            "MaxTimeStep": dt,
-            "FinalTime": 1e9 * dt,
+            "MaxTimeStep": run.dt,
+            "FinalTime": 1e9 * run.dt,
             "ControlTime": 1e9,
         },
         allow_nan=False,
     )
 
 
-def make(request):
-    """The run."""
-    if request["scene"].get("dimension") == 3:
-        import space_driver
-
-        return space_driver.Run(request)
-    return Run(request)
-
-
 if __name__ == "__main__":
-    serve(make)
+    serve(Run)

@@ -12,20 +12,50 @@ import numpy as np
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene, Wall, WallSegment
-from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, Capability
+from ninedisk.harness.api.capabilities import EXTRAS, GRAINS, SPACE, UNLOADING, Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.api.support import contact_steps
-from ninedisk.harness.engines.lammps.space import LAMMPS_IN_SPACE
-from ninedisk.harness.engines.plane import contact_frame
 from ninedisk.harness.engines.process import package_version
-from ninedisk.harness.engines.spring import ARMS, Fit, SpringEngine, disk_laws, rough, turns, wall_laws
+from ninedisk.harness.engines.spring import (
+    ARMS,
+    NOTE_MEAN,
+    NOTE_OVERDAMPED,
+    NOTE_UNIFORM,
+    SPRINGS_3D,
+    Fit,
+    SpringEngine,
+    disk_laws,
+    fit_arms,
+    plane_laws,
+    rough,
+    sphere_laws,
+    turns,
+    uneven_planes,
+    uniform,
+    wall_laws,
+)
+from ninedisk.harness.engines.world import contact_frame
 
 DRIVER = Path(__file__).with_name("driver.py")
 MPI = "libmpi.so.12"
+CAPABILITIES_3D = (
+    SPRINGS_3D
+    | frozenset(UNLOADING.values())
+    | {
+        Capability.LEVER_ARM_RADIUS,
+        Capability.LEVER_ARM_TORQUE,
+        Capability.ROTATING_WALLS,
+        Capability.HELD_MOTION,
+        Capability.ROLLING_SPRING,
+        Capability.TWISTING_SPRING,
+        Capability.SURFACE_DMT,
+        Capability.SURFACE_JKR,
+    }
+)
 CAPABILITIES = (
     frozenset(Capability)
     - GRAINS
-    - (SPACE - LAMMPS_IN_SPACE.capabilities)
+    - (SPACE - CAPABILITIES_3D)
     - (
         EXTRAS
         - {
@@ -55,7 +85,6 @@ NOTE_CLASSIC = (
 )
 NOTE_WALL_ARM = "walls: lever arm R for shear torque and slip"
 NOTE_WALL_VELOCITY = "a wall's velocity enters the slip on the wall's surface"
-NOTE_WALL_MEAN = "friction and dashpots see a wall's mean velocity over the step (difference of its positions)"
 NOTE_WALL_START = "dashpots see walls at rest at time 0, and their velocity from the first step on"
 NOTE_DASHPOT = "dashpot with the velocity of t_{n-1/2}; never tension (limit_damping)"
 NOTE_KINDS = f"wall dashpots for at most {KINDS} kinds of disks: each needs a group, and LAMMPS has 32 groups"
@@ -70,6 +99,21 @@ NOTE_CELL_SMALL = "periodic cell: LAMMPS knows a contact by its two disks; edges
 NOTE_CELL_FLIPS = "periodic cell: LAMMPS flips a box that leans, by its length of then; no shear while the first edge grows or shrinks"
 NOTE_CELL_PRELOAD = "periodic cell: no preload, for which the driver knows no images"
 NOTE_INERTIA = "fix nve/sphere disc knows uniform disks only, I = m R^2/2"
+
+# Notes on scenes of 3D.
+NOTE_ARMS = (
+    "pair_style granular: lever arm R - overlap/2 of the shear torque between spheres, R of their slip and at walls"
+)
+NOTE_DASHPOT_3D = "dashpot by coeff_restitution, with the velocity of t_{n-1/2}"
+NOTE_PULLED = "where a dashpot pulls LAMMPS cuts off friction at mu times its pull, the scene at 0"
+NOTE_ADHESION = "LAMMPS refuses the law's dashpot beside surface energy"
+NOTE_PULL = "LAMMPS' friction has twice the pull-off beside the normal force (friction_pull = 2)"
+NOTE_JKR_WALL = "a region of LAMMPS lets go at gap 0, where a neck of JKR's still holds"
+NOTE_RESISTANCE = "rolling and twisting sds: stiffnesses kr/R^2 and kr, R the reduced radius"
+NOTE_TWIST = "at its cap LAMMPS' twisting torque has the sign of the twist's rate, the scene's that of its spring"
+NOTE_RESISTANCE_DAMPED = "rolling and twisting sds cut off the sum of spring and dashpot, the scene its spring alone"
+NOTE_RESISTANCE_WALLS = "LAMMPS' rolling and twisting do not see the spin of a wall"
+NOTE_ONE_AXIS = "a region of LAMMPS turns about one axis"
 
 
 @cache
@@ -115,7 +159,8 @@ class Lammps(SpringEngine):
     facts = FACTS
     driver = DRIVER
     dashpot_note = NOTE_DASHPOT
-    in_space = LAMMPS_IN_SPACE
+    capabilities_3d = CAPABILITIES_3D
+    dashpot_note_3d = NOTE_DASHPOT_3D
     chosen: Mapping[str, Any] = {
         "global damping": "fix viscous and viscous/sphere; central form by masses and inertias times 1 + xi dt/2",
         "reported_velocities": "synchronised to t_n with the forces at t_n",
@@ -123,6 +168,14 @@ class Lammps(SpringEngine):
         "wall_lever_arm": "R",
         "wall_velocity_at": "surface, mean over the step",
         "limit_damping": True,
+        "neigh_modify": "delay 0 every 1 check yes",
+    }
+    chosen_3d: Mapping[str, Any] = {
+        "pair style": "granular: hooke or hertz, linear_history or mindlin, mindlin/force, mindlin_rescale",
+        "reported_velocities": "synchronised to t_n with the forces at t_n",
+        "walls": "fix wall/gran/region on planes that move and rotate by variables of the step",
+        "lever_arm": "R - overlap/2 of the torque between spheres, R of their slip and at walls",
+        "limit_damping": False,
         "neigh_modify": "delay 0 every 1 check yes",
     }
 
@@ -188,7 +241,50 @@ class Lammps(SpringEngine):
             fit.notes.append(NOTE_WALL_START)
         if not (fit.missing or fit.near or fit.approximate) and _uneven_walls(scene, numerics):
             fit.equivalent = True
-            fit.notes.append(NOTE_WALL_MEAN)
+            fit.notes.append(NOTE_MEAN)
+
+    def fit_3d(self, scene: SphereScene, numerics: Numerics, fit: Fit) -> None:  # noqa: ARG002
+        """Lever arms, walls that turn about one axis, what dashpots and surface energy can be together."""
+        fit_arms(scene, fit, "torque-overlap", "radius")
+        laws = scene.laws_in_use
+        if any(map(rough, sphere_laws(scene))):
+            fit.notes.append(NOTE_ARMS)
+        if not uniform(scene):
+            fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
+        if any(law.beta >= 1.0 for law in laws):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_OVERDAMPED)
+        if any(law.beta > 0.0 and rough(law) for law in laws):
+            fit.approximate = True
+            fit.notes.append(NOTE_PULLED)
+        if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):
+            fit.lacks(Capability.CONTACT_DAMPING, NOTE_ADHESION)
+        if any(law.surface_energy > 0.0 and law.friction_pull != 2.0 and rough(law) for law in laws):
+            fit.approximate = True
+            fit.notes.append(NOTE_PULL)
+        if any(
+            law.surface_energy > 0.0 and law.surface == "jkr" for wall in scene.walls for law in plane_laws(scene, wall)
+        ):
+            fit.lacks(Capability.SURFACE_JKR, NOTE_JKR_WALL)
+        resisted = [each for law in laws for each in (law.rolling, law.twisting) if each is not None]
+        if resisted and scene.spheres.rotating.any():
+            fit.notes.append(NOTE_RESISTANCE)
+            if any(law.twisting for law in laws):
+                fit.approximate = True
+                fit.notes.append(NOTE_TWIST)
+            if any(each.beta > 0.0 for each in resisted):
+                fit.lacks(Capability.ROLLING_SPRING, NOTE_RESISTANCE_DAMPED)
+            if any(
+                turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w))
+                for w in scene.walls
+            ):
+                fit.lacks(Capability.ROTATING_WALLS, NOTE_RESISTANCE_WALLS)
+        for wall in scene.walls:
+            spins = np.array([segment.angular_velocity for segment in wall.motion]).reshape(-1, 3)
+            if np.linalg.matrix_rank(spins, tol=1e-12 * np.abs(spins).max(initial=0.0)) > 1:
+                fit.lacks(Capability.ROTATING_WALLS, NOTE_ONE_AXIS)
+        if uneven_planes(scene):
+            fit.equivalent = True
+            fit.notes.append(NOTE_MEAN)
 
     def command(self) -> Sequence[str]:
         """With the MPI library, so that it can be loaded before there is a request."""

@@ -11,11 +11,10 @@ LAMMPS integrates by velocity Verlet: between two runs its state is (positions t
 - rotation: LAMMPS keeps no angles of round particles. It averages the spins over the steps of one sampling interval
   (``fix ave/atom``), and as ``w_n`` is the mean of ``w_{n-1/2}`` and ``w_{n+1/2}``, the sum of ``w_{n+1/2} dt`` follows from it.
 
-Prescribed wall motion is given as formulas of the step, which LAMMPS evaluates itself. A region of LAMMPS turns about a fixed
-point ``P`` and is then displaced: a material point ``X`` is at ``P + R(theta)(X - P) + d``. Each segment of a wall's motion
-turns about a pivot of its own; with ``B`` the place of ``P`` when the segment begins, ``c`` the pivot and ``u`` its
-displacement since then, ``d = c + u + R(rate tau)(B - c) - P``. ``P`` is chosen so that the first segment that turns has ``B =
-c``; its translation is then all there is.
+Dashpots of 3D: LAMMPS' ``coeff_restitution`` is ``c = 2 sqrt(5/6) beta sqrt(m 2 E* a)`` for Hertz' law and ``c = 2 beta sqrt(m kn)`` for
+the linear one, ``beta = -ln e/sqrt(pi^2 + ln^2 e)``: the law's own, with ``e = exp(-pi beta/sqrt(1 - beta^2))``.
+
+Prescribed wall motion is given as formulas of the step, which LAMMPS evaluates itself, see `motion_parts`.
 """
 
 import contextlib
@@ -29,11 +28,11 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps folde
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
-from driver_parts import SpringRun, clock, number, rough, serve
+from driver_parts import SpringRun, clock, ids, in_3d, length, number, numbers, rough, serve
 from lammps_parts import Arrays, load
+from motion_parts import MOTIONS
 
-SHEAR_COLUMNS = "p1 p2"
-"""Of ``compute pair/local``: x and y of the shear force on the pair's first atom, for both pair styles."""
+MINDLIN = {"none": "mindlin", "force": "mindlin/force", "rescale": "mindlin_rescale"}
 
 PRELOAD_ROUND_OFF = 1e-9
 """Of the largest preload: round-off of the velocities that stretch the springs."""
@@ -46,13 +45,13 @@ class Run(SpringRun):
 
     def __init__(self, request):
         super().__init__(request)
-        self.classic = request["extra"]["classic_pairs"]
-        self.motions = [WallMotion(wall) for wall in self.walls]
+        self.classic = request["extra"].get("classic_pairs", False)
+        self.motions = [MOTIONS[self.dimension](wall) for wall in self.walls]
         self.origin = self.substeps if self.preload else 0  # LAMMPS' number of the step at time 0
         self.n_steps, self.run_words = request["numerics"]["n_steps"], ""
         if self.cell is not None:
             self.origin = 1
-        self.angle = np.zeros(self.n)
+        self.angle = np.zeros_like(self.omega0)
         self.engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
         kinds = (lammps.LMP_STYLE_ATOM, lammps.LMP_TYPE_VECTOR, lammps.LMP_TYPE_ARRAY)
         self.arrays, self._order = Arrays(self.engine, self.n, *kinds), None
@@ -70,40 +69,55 @@ class Run(SpringRun):
         for command in commands:
             self.engine.command(command)
 
+    def group(self, name, members):
+        """A group of LAMMPS of these bodies, where there are any."""
+        if members.any():
+            self.do(f"group {name} id {ids(members)}")
+
     def _atoms(self):
-        """Atom types are the kinds of disks: equal mass, inertia, freedom to turn, radius and material."""
+        """Atom types are the kinds of bodies.
+
+        Of disks: equal mass, inertia, freedom to turn, radius and material; of spheres: equal material, and equal radius where a resistance
+        to spins needs the reduced one.
+        """
         material = np.unique(self.material, return_inverse=True)[1]
-        rows = np.column_stack([self.mass, self.inertia, self.rotating, self.radius, material])
-        self.kinds, self.first_of_kind, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-        kind = kind.reshape(-1)
+        resisted = any(law["rolling"] or law["twisting"] for law in self.all_laws)
+        if self.dimension == 2:
+            rows = [self.mass, self.inertia, self.rotating, self.radius, material]
+        else:
+            rows = [material, self.radius if resisted else np.zeros(self.n)]
+        self.kinds, self.first, kind = np.unique(np.column_stack(rows), axis=0, return_index=True, return_inverse=True)
         largest = self.radius.max()
-        low, high = self.x0.min(axis=0) - largest, self.x0.max(axis=0) + largest
-        bounds = " ".join(f"{number(a)} {number(b)}" for a, b in zip((*low, -largest), (*high, largest), strict=True))
+        low, high = (self.x0.min(axis=0) - largest).tolist(), (self.x0.max(axis=0) + largest).tolist()
+        if self.dimension == 2:  # as deep as the disks: a depth far below the cutoff is refused
+            low, high = [*low, -largest], [*high, largest]
+        bounds = " ".join(f"{number(a)} {number(b)}" for a, b in zip(low, high, strict=True))
+        boundary = "p p p" if self.cell else "m m p" if self.dimension == 2 else "m m m"
         self.do(
             "units lj",
             "atom_style sphere",
             "atom_modify map array sort 0 0.0",
-            "dimension 2",
-            "boundary p p p" if self.cell else "boundary m m p",
+            f"dimension {self.dimension}",
+            f"boundary {boundary}",
             "newton off",
             "comm_modify vel yes",
-            # As deep as the disks: a depth far below the cutoff is refused.
             f"region box {self._box(largest) if self.cell else f'block {bounds}'} units box",
             f"create_box {len(self.kinds)} box",
             f"neighbor {number(0.3 * self.radius.mean())} bin",
             "neigh_modify delay 0 every 1 check yes",
         )
-        places = np.column_stack([self.x0, np.zeros(self.n)])
-        made = self.engine.create_atoms(
-            self.n, list(range(1, self.n + 1)), (kind + 1).tolist(), places.ravel().tolist()
-        )
+        types = (kind.reshape(-1) + 1).tolist()
+        made = self.engine.create_atoms(self.n, list(range(1, self.n + 1)), types, in_3d(self.x0).ravel().tolist())
         if made != self.n:
-            raise RuntimeError(f"LAMMPS took {made} of {self.n} disks")
+            raise RuntimeError(f"LAMMPS took {made} of {self.n} {self.noun}s")
         if self.cell is not None:  # LAMMPS puts disks back into the box, and does not count how far
             put = self.arrays.atom("x")[self.order(), :2]
             self.put_back = np.round((self.x0 - put) / self.cell.size)
         self.set("radius", self.radius)
         self.set("rmass", self.mass * self.inflate)
+        self.group("fixed", self.fixed)
+        if self.fixed.any():
+            self.do("neigh_modify exclude group fixed fixed")
 
     def _box(self, depth):
         """The periodic cell at time 0, as deep as the disks, as LAMMPS' prism."""
@@ -161,77 +175,103 @@ class Run(SpringRun):
         return self.cell.edges((self.engine.extract_global("ntimestep") - self.origin) * self.dt)
 
     def order(self):
-        """Index of each disk among LAMMPS' atoms, which commands alone change."""
+        """Index of each body among LAMMPS' atoms, which commands alone change."""
         if self._order is None:
             self._order = np.argsort(self.arrays.atom("id"))
         return self._order
 
     def set(self, name, values):
+        """Write a per-atom array by body: a number each, a vector, or the z component of a spin."""
         array, order = self.arrays.atom(name), self.order()
         if name in ("x", "v") and self.cell is not None:
             values = values - self.images() @ self._per_edge(name).T
-        if values.ndim == 2:
-            array[order, :2] = values
-        elif array.ndim == 2:
+        if array.ndim == 1:
+            array[order] = values
+        elif values.ndim == 1:
             array[order, 2] = values
         else:
-            array[order] = values
+            array[order, : self.dimension] = values
 
     def get(self, name):
-        """Copy of x and y of a vector, or of z of a rotation, by disk."""
+        """Copy of a per-atom array by body, of a vector the scene's components."""
         array = self.arrays.atom(name)[self.order()]
         if name in ("x", "v") and self.cell is not None:
             array[:, :2] += self.images() @ self._per_edge(name).T
+        if array.ndim == 1 or self.dimension == 3:
+            return array
         return array[:, 2] if name in ("omega", "torque") else array[:, :2]
 
     def _contacts(self):
         pairs = pair_commands(self)
         self.pair_style = pairs[0].split()[1]
         self.do(*pairs)
+        # A neck holds spheres that no longer overlap; elsewhere pairs that do are all that there is.
+        cutoff = "type" if any(law["surface_energy"] and law["surface"] == "jkr" for law in self.all_laws) else "radius"
         self.do(
             f"timestep {number(self.dt)}",
-            f"compute force all pair/local dist force {SHEAR_COLUMNS} cutoff radius",
-            "compute atoms all property/local patom1 patom2 cutoff radius",
+            f"compute force all pair/local dist force p1 p2 p3 cutoff {cutoff}",
+            f"compute atoms all property/local patom1 patom2 cutoff {cutoff}",
             f"reset_timestep {self.origin if self.cell else max(self.origin - 1, 0)}",
             f"variable t equal ternary(step>{self.origin},(step-{self.origin})*{number(self.dt)},0.0)",
         )
-        self.wall_fixes = []
-        for k, (wall, motion) in enumerate(zip(self.walls, self.motions, strict=True)):
-            moves = ""
-            if motion.moves:
-                for name, formula in zip(("x", "y", "a"), motion.formulas, strict=True):
-                    self.do(f'variable {name}{k} equal "{formula}"')
-                moves = f"move v_x{k} v_y{k} NULL"
-                if motion.turns:
-                    moves += f" rotate v_a{k} {number(motion.pivot[0])} {number(motion.pivot[1])} 0 0 0 1"
-            (px, py), (nx, ny) = ([number(value) for value in wall[key]] for key in ("point", "normal"))
-            self.do(f"region wall{k} plane {px} {py} 0 {nx} {ny} 0 side in units box {moves}")
-            commands, fixes = wall_commands(self, k)
-            self.do(*commands)
-            self.wall_fixes.append(fixes)
+        self.wall_fixes = [self._wall(w, wall, self.motions[w]) for w, wall in enumerate(self.walls)]
+
+    def _wall(self, w, wall, motion):
+        """Region and contacts of a wall; returns the names of its fixes, one for each law and dashpot."""
+        moves = ""
+        if motion.moves:
+            for name, formula in zip(motion.names, motion.formulas, strict=True):
+                self.do(f'variable {name}{w} equal "{formula}"')
+            moves = f"move v_x{w} v_y{w} {'NULL' if self.dimension == 2 else f'v_z{w}'}"
+            if motion.turns:
+                moves += f" rotate v_a{w} {numbers(in_3d(motion.pivot))} {numbers(motion.axis)}"
+        flat = numbers((*in_3d(wall["point"]), *in_3d(wall["normal"])))
+        self.do(f"region wall{w} plane {flat} side in units box {moves}")
+        models, kind, fixes = [granular(self, i, self.n + w) for i in self.first], self.get("type"), []
+        for model in dict.fromkeys(models):
+            kinds = [k + 1 for k, each in enumerate(models) if each == model]
+            members = np.isin(kind, kinds) & ~self.fixed
+            if members.any():
+                fix, group = f"wall{w}_kind{kinds[0]}", "all"
+                if not members.all():
+                    group = f"kinds{'_'.join(map(str, kinds))}"
+                    self.group(group, members)
+                self.do(f"fix {fix} {group} wall/gran/region granular {model} region wall{w} contacts")
+                fixes.append(fix)
+        return fixes
 
     def _integrators(self):
-        self.do("fix plane all enforce2d")
-        turning = [k + 1 for k, row in enumerate(self.kinds) if row[2]]
-        still = [k + 1 for k, row in enumerate(self.kinds) if not row[2]]
-        if turning:
-            self.do(f"group turning type {' '.join(map(str, turning))}", "fix turning turning nve/sphere disc")
-        if still:
-            self.do(f"group still type {' '.join(map(str, still))}", "fix still still nve")
+        if self.dimension == 2:
+            self.do("fix flat all enforce2d")
+        self.group("turning", self.rotating)
+        self.group("still", ~self.rotating)
+        if self.rotating.any():
+            self.do(f"fix turning turning nve/sphere{' disc' if self.dimension == 2 else ''}")
+        if not self.rotating.all():
+            self.do("fix still still nve")
         if self.gravity.any():
-            size = float(np.hypot(*self.gravity))
-            direction = " ".join(number(value / size) for value in self.gravity)
-            self.do(f"fix gravity all gravity {number(size / self.inflate)} vector {direction} 0")
+            size = length(self.gravity)
+            direction = numbers(in_3d(self.gravity / size))
+            self.do(f"fix gravity all gravity {number(size / self.inflate)} vector {direction}")
         if self.xi:
-            for name, style, column in (("drag", "viscous", 0), ("spin_drag", "viscous/sphere", 1)):
-                scale = " ".join(f"scale {k + 1} {number(row[column])}" for k, row in enumerate(self.kinds))
+            for name, style, values in (
+                ("drag", "viscous", self.mass),
+                ("spin_drag", "viscous/sphere", self.inertia),
+            ):
+                scale = " ".join(f"scale {k + 1} {number(values[i])}" for k, i in enumerate(self.first))
                 self.do(f"fix {name} all {style} {number(self.xi)} {scale}")
         if self.forces_on:
             self.do("fix loads all external pf/callback 1 1")
             self.engine.set_fix_external_callback("loads", apply_loads, self)
+        for axis in range(self.dimension):
+            self.group(f"held{axis}", self.held[:, axis])
+            if self.held[:, axis].any():
+                force = ["NULL"] * 3
+                force[axis] = "0.0"
+                self.do(f"fix held{axis} held{axis} setforce {' '.join(force)}")
         self.do(
-            "compute spin all property/atom omegaz",
-            f"fix spin all ave/atom 1 {self.substeps} {self.substeps} c_spin",
+            "compute spin all property/atom omegax omegay omegaz",
+            f"fix spin all ave/atom 1 {self.substeps} {self.substeps} c_spin[1] c_spin[2] c_spin[3]",
         )
 
     def start(self):
@@ -246,15 +286,19 @@ class Run(SpringRun):
         self._sample(0, self.v0, self.omega0)
         kick = 0.5 * self.dt * (1.0 - 1.0 / self.inflate)
         self.set("v", self.v0 + kick * self.get("f") / self.mass[:, None])
-        turned = self.omega0 + kick * self.get("torque") / self.inertia
-        self.set("omega", np.where(self.rotating, turned, self.omega0))
+        turned = self.omega0 + kick * self.get("torque") / self._of_spins(self.inertia)
+        self.set("omega", np.where(self._of_spins(self.rotating), turned, self.omega0))
         self.half_spin = self._spin_ahead()
         self._first_deformation()
 
+    def _of_spins(self, values):
+        """A number of each body as it is combined with spins."""
+        return values if self.dimension == 2 else values[:, None]
+
     def _spin_ahead(self):
         """``w_{n+1/2}`` from the state at ``t_n`` [rad/s]."""
-        turning = 0.5 * self.dt * self.get("torque") / (self.inertia * self.inflate)
-        return self.get("omega") + np.where(self.rotating, turning, 0.0)
+        turning = 0.5 * self.dt * self.get("torque") / self._of_spins(self.inertia * self.inflate)
+        return self.get("omega") + np.where(self._of_spins(self.rotating), turning, 0.0)
 
     def advance(self, sampled):
         """All steps; returns the seconds that LAMMPS spends on them, see `clock`."""
@@ -265,7 +309,9 @@ class Run(SpringRun):
             spent += clock() - begin
             if step == 1:
                 self.do("neigh_modify check yes")
-            mean = self.arrays.fix("spin")[self.order()]
+            mean = self.arrays.fix("spin", True)[self.order()]
+            if self.dimension == 2:
+                mean = mean[:, 2]
             ahead = self._spin_ahead()
             self.angle = self.angle + self.dt * (self.substeps * mean - 0.5 * (ahead - self.half_spin))
             self.half_spin = ahead
@@ -277,50 +323,79 @@ class Run(SpringRun):
         """Append one sample of the state at ``t_n``; what pairs report depends on the velocities that LAMMPS holds just then."""
         late = self.damped and step > 0  # dashpots saw v_{n-1/2}
         if late:
-            self.set("v", v - 0.5 * self.dt * self.get("f") / (self.mass * self.inflate)[:, None])
-        contacts, elastic, loads, poses = self.forces(self.pairs)
+            force = np.where(self.held, 0.0, self.get("f"))
+            self.set("v", v - 0.5 * self.dt * force / (self.mass * self.inflate)[:, None])
+        x, pose = self.get("x"), self.poses(step)
+        contacts, elastic, loads = self.forces(x, pose)
         if late:
             self.set("v", v)
-        watched = [contacts[pair] for pair in self.pairs]
-        self.sample(step, self.get("x"), v, omega, self.angle, watched, poses, loads, elastic)
+        if self.dimension == 2:
+            self.check_in_front(x, pose)
+        self.sample(step, x, v, omega, self.angle, contacts, loads, elastic, pose)
 
-    def forces(self, pairs):
-        """(fn, fs) [N] of ``pairs``, elastic energy [J], force on each wall [N], its point [m] and normal as a row."""
-        x, order = self.get("x"), self.order()
-        found, energy, moment = dict.fromkeys(pairs, (0.0, 0.0)), 0.0, np.zeros((2, 2))
-        for (i, j), (distance, fn, shear) in disk_contacts(self.engine).items():
-            d = x[j] - x[i]
+    def forces(self, x, pose):
+        """Contacts as `sample` wants them, the elastic energy of disks [J], and the force on each wall [N]."""
+        found, energy, moment, d = {}, 0.0, np.zeros((2, 2)), self.dimension
+        for (i, j), (distance, fn, shear) in self._pairs().items():
+            if d == 3:
+                found[i, j] = fn, shear
+                continue
+            apart = x[j] - x[i]
             if self.cell is not None:
-                d = self.cell.nearest((self.engine.extract_global("ntimestep") - self.origin) * self.dt, d)
-            fs = float((d[0] * shear[1] - d[1] * shear[0]) / distance)
+                now = (self.engine.extract_global("ntimestep") - self.origin) * self.dt
+                apart = self.cell.nearest(now, apart)
+            fs = float((apart[0] * shear[1] - apart[1] * shear[0]) / distance)
             energy += stored(self.law_of(i, j), self.radius[i] + self.radius[j] - distance, fs)
-            moment += np.outer(np.array(shear) - fn * d / distance, d)
-            if (i, j) in found:
-                found[i, j] = (fn, fs)
+            moment += np.outer(shear - fn * apart / distance, apart)
+            found[i, j] = fn, fs
         if self.cell is not None:
             self.observe_stress(moment)
-        loads, poses = [], []
-        for w in range(len(self.walls)):
-            point, normal = self._pose(w)
-            force, touches = wall_contacts(self.arrays, self.wall_fixes[w], order)
-            height = (x - point) @ normal
-            self.check_in_front(height, w, "LAMMPS' region no longer pushes it")
-            for i in np.flatnonzero(touches):
-                fn, fs = force[i] @ normal, float(force[i, 0] * normal[1] - force[i, 1] * normal[0])
-                energy += stored(self.law_of(i, self.n + w), self.radius[i] - height[i], fs)
-                if (int(i), self.n + w) in found:
-                    found[int(i), self.n + w] = (float(fn), fs)
-            loads.append(-force[touches].sum(axis=0))
-            poses.append((*point, *normal))
-        return found, energy, loads, poses
+        loads = np.zeros((len(self.walls), d))
+        for w, row in enumerate(pose):
+            point, normal = row[:d], row[d:]
+            for i, force in self._at_wall(w):
+                fn = float(force @ normal)
+                fs = force - fn * normal if d == 3 else float(force[0] * normal[1] - force[1] * normal[0])
+                found[i, self.n + w] = fn, fs
+                loads[w] -= force
+                if d == 2:
+                    overlap = self.radius[i] - (x[i] - point) @ normal
+                    energy += stored(self.law_of(i, self.n + w), overlap, fs)
+        return found, energy if d == 2 else None, loads
 
-    def _pose(self, w):
-        """Point and normal of a wall where LAMMPS has it now."""
-        motion = self.motions[w]
-        if not motion.moves:
-            return np.array(motion.point), np.array(motion.normal)
-        x, y, angle = (self.engine.extract_variable(f"{name}{w}") for name in ("x", "y", "a"))
-        return np.array(motion.place(x, y, angle)), np.array(motion.turned_normal(angle))
+    def _pairs(self):
+        """Touching pairs of bodies: ``{(i, j): (distance of the centres [m], fn [N], shear force on i [N])}``, ``i < j``."""
+        rows = self.engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_SIZE_ROWS)
+        if not rows:
+            return {}
+        force = self.engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+        atoms = self.engine.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
+        found = {}
+        for k in range(rows):
+            (distance, fn, *shear), (one, two) = force[k][: 2 + self.dimension], atoms[k][:2]
+            i, j = int(one) - 1, int(two) - 1
+            found[min(i, j), max(i, j)] = distance, fn, np.array(shear) if i < j else -np.array(shear)
+        return found
+
+    def _at_wall(self, w):
+        """Bodies that touch a wall, and its force on each [N]."""
+        found = []
+        for fix in self.wall_fixes[w]:
+            table = self.arrays.fix(fix, True)[self.order()]
+            found += [(int(i), table[i, 1 : 1 + self.dimension]) for i in np.flatnonzero(table[:, 0])]
+        return sorted(found, key=lambda each: each[0]) if self.dimension == 2 else found
+
+    def poses(self, step):
+        """Point and normal of each wall as a row, of 2D where LAMMPS has it now, of 3D of the path."""
+        if self.dimension == 3:
+            return self.pose(step * self.substeps)[:, :6]
+        found = np.empty((len(self.walls), 4))
+        for w, motion in enumerate(self.motions):
+            found[w] = *motion.point, *motion.normal
+            if motion.moves:
+                x, y, angle = (self.engine.extract_variable(f"{name}{w}") for name in motion.names)
+                found[w] = *motion.place(x, y, angle), *motion.turned_normal(angle)
+        return found
 
 
 def apply_loads(run, step, _count, tags, _x, force):
@@ -335,68 +410,69 @@ def dashpot(law, mass, other=math.inf):
     return 2.0 * law["beta"] * math.sqrt(law["kn"] / (1.0 / mass + 1.0 / other))
 
 
-def rolling_words(law, one, other, repulsive):
-    """LAMMPS' ``rolling sds``: the spring of the way ``R q``, with R the reduced radius, has the stiffness ``kr/R^2``."""
-    found = law["rolling"]
-    if found is None:
-        return ""
-    curvature = sum(1.0 / size for _, _, _, size, _ in ((one, other) if other is not None else (one,)))
-    return f" rolling sds {number(found['kr'] * curvature**2)} 0.0 {number(found['mu'] * repulsive)}"
+def granular(run, i, j):
+    """Words of the ``granular`` model of the contact of a body and another one or a wall."""
+    return (disk_words if run.dimension == 2 else sphere_words)(run, i, j)
 
 
-def granular(law, one, other=None):
-    """Words of the ``granular`` model of two kinds of disks, or of one and a wall.
+def disk_words(run, i, j):
+    """Of a disk: a dashpot that never pulls, or, with cohesion, may.
 
-    With ``limit_damping`` the dashpot never pulls; with cohesion it may. Linear cohesion is a softer spring. Where there is no dashpot
-    beside it, the repulsive part that friction sees is kn/(kn - cohesion) times the spring's force.
+    Linear cohesion is a softer spring. Where there is no dashpot beside it, the repulsive part that friction sees is kn/(kn - cohesion)
+    times the spring's force. The rolling spring of the way ``R q``, with R the reduced radius, has the stiffness ``kr/R^2``.
     """
-    c = dashpot(law, one[0], math.inf if other is None else other[0])
+    law, bodies = run.law_of(i, j), (i, j) if j < run.n else (i,)
+    c = dashpot(law, *(run.mass[k] for k in bodies))
     soft = law["kn"] - law["cohesion"]
     repulsive = law["kn"] / soft
-    shear = (
-        f"linear_history {number(law['ks'])} 0.0 {number(law['mu'] * repulsive)}"
-        if rough(law)
-        else "linear_nohistory 0.0 0.0"
-    )
-    words = f"hooke {number(soft)} {number(c)} tangential {shear}{rolling_words(law, one, other, repulsive)} damping velocity"
+    shear, resisted = "linear_nohistory 0.0 0.0", ""
+    if rough(law):
+        shear = f"linear_history {number(law['ks'])} 0.0 {number(law['mu'] * repulsive)}"
+    if law["rolling"] is not None:
+        curvature = sum(1.0 / run.radius[k] for k in bodies)
+        stiffness, cap = law["rolling"]["kr"] * curvature**2, law["rolling"]["mu"] * repulsive
+        resisted = f" rolling sds {number(stiffness)} 0.0 {number(cap)}"
+    words = f"hooke {number(soft)} {number(c)} tangential {shear}{resisted} damping velocity"
     return words + " limit_damping" if c and not law["cohesion"] else words
 
 
+def sphere_words(run, i, j):
+    """Of a sphere: a linear spring, Hertz' or an adhesive one, whose dashpot may pull."""
+    law, radius = run.law_of(i, j), run.reduced(i, j)[1]
+    rebound = run.rebound(law) if law["beta"] else 0.0
+    if law["surface_energy"]:  # with Poisson's ratio 0 and the same material on both sides E is 2 E*
+        normal = f"{law['surface']} {number(2.0 * law['e_star'])} 0.0 0.0 {number(law['surface_energy'])}"
+    elif law["e_star"]:
+        normal = f"hertz {number(4.0 / 3.0 * law['e_star'])} {number(rebound)}"
+    else:
+        normal = f"hooke {number(law['kn'])} {number(rebound)}"
+    shear, resisted = "linear_nohistory 0.0 0.0", ""
+    if rough(law):
+        model = MINDLIN[law["unloading"]] if law["e_star"] else "linear_history"
+        stiffness = 8.0 * law["g_star"] if law["e_star"] else law["ks"]
+        shear = f"{model} {number(stiffness)} 0.0 {number(law['mu'])}"
+    if law["rolling"]:  # a spring of the way R q
+        resisted += f" rolling sds {number(law['rolling']['kr'] / radius**2)} 0.0 {number(law['rolling']['mu'])}"
+    if law["twisting"]:
+        twisting = law["twisting"]
+        resisted += f" twisting sds {number(twisting['kr'])} 0.0 {number(twisting['mu'] * radius)}"
+    return f"{normal} tangential {shear}{resisted} damping {'coeff_restitution' if law['beta'] else 'velocity'}"
+
+
 def pair_commands(run):
-    """Commands of the contacts between disks."""
-    kinds, first = run.kinds, run.first_of_kind
-    if run.classic:
-        law, mass = (
-            run.law_of(0, 1),
-            kinds[0, 0],
-        )  # all equal where there is a dashpot; LAMMPS multiplies the rate by its own reduced mass
+    """Commands of the contacts between bodies."""
+    first, kinds = run.first, range(len(run.first))
+    if run.classic:  # all equal where there is a dashpot; LAMMPS multiplies the rate by its own reduced mass
+        law, mass = run.law_of(0, 1), run.mass[first[0]]
         rate = dashpot(law, mass, mass) / (0.5 * mass * run.inflate)
         limit = " limit_damping" if rate else ""
         stiffness = f"{number(law['kn'])} {number(law['ks'])}"
-        return [f"pair_style gran/hooke/history {stiffness} {number(rate)} 0.0 {number(law['mu'])} 0{limit}", "pair_coeff * *"]  # fmt: skip
-    words = {
-        (a, b): granular(run.law_of(first[a], first[b]), kinds[a], kinds[b])
-        for a in range(len(kinds))
-        for b in range(a, len(kinds))
-    }
+        style = f"gran/hooke/history {stiffness} {number(rate)} 0.0 {number(law['mu'])} 0{limit}"
+        return [f"pair_style {style}", "pair_coeff * *"]
+    words = {(a + 1, b + 1): granular(run, first[a], first[b]) for a in kinds for b in kinds if a <= b}
     if len(set(words.values())) == 1:
-        return ["pair_style granular", f"pair_coeff * * {words[0, 0]}"]
-    return ["pair_style granular", *(f"pair_coeff {a + 1} {b + 1} {model}" for (a, b), model in words.items())]
-
-
-def wall_commands(run, w):
-    """Commands of the contacts of all disks with region ``w``, and the names of their fixes: one for each law and dashpot."""
-    models = [granular(run.law_of(i, run.n + w), kind) for i, kind in zip(run.first_of_kind, run.kinds, strict=True)]
-    kinds_of = {model: [k + 1 for k, each in enumerate(models) if each == model] for model in models}
-    commands, fixes = [], []
-    for words, kinds in kinds_of.items():
-        fix, group = f"wall{w}_kind{kinds[0]}", "all"
-        if len(kinds_of) > 1:
-            group = f"kinds{'_'.join(map(str, kinds))}"
-            commands.append(f"group {group} type {' '.join(map(str, kinds))}")
-        commands.append(f"fix {fix} {group} wall/gran/region granular {words} region wall{w} contacts")
-        fixes.append(fix)
-    return commands, fixes
+        words = {("*", "*"): words[1, 1]}
+    return ["pair_style granular", *(f"pair_coeff {a} {b} {model}" for (a, b), model in words.items())]
 
 
 def stored(law, overlap, fs):
@@ -405,31 +481,6 @@ def stored(law, overlap, fs):
         return math.nan
     shear = 0.5 * fs * fs / law["ks"] if rough(law) else 0.0
     return float(0.5 * (law["kn"] - law["cohesion"]) * overlap * overlap + shear)
-
-
-def disk_contacts(engine):
-    """Touching pairs of disks: ``{(i, j): (distance of the centres [m], fn [N], shear force on i [N])}``, ``i < j``."""
-    rows = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_SIZE_ROWS)
-    if not rows:
-        return {}
-    force = engine.extract_compute("force", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
-    atoms = engine.extract_compute("atoms", lammps.LMP_STYLE_LOCAL, lammps.LMP_TYPE_ARRAY)
-    found = {}
-    for k in range(rows):
-        (distance, fn, sx, sy), (one, two) = force[k][:4], atoms[k][:2]
-        i, j = int(one) - 1, int(two) - 1
-        found[min(i, j), max(i, j)] = (distance, fn, (sx, sy) if i < j else (-sx, -sy))
-    return found
-
-
-def wall_contacts(arrays, fixes, order):
-    """Forces of one wall on the disks [N], shape (n, 2), and which disks touch it; ``order`` lists the atoms by disk."""
-    force, touches = np.zeros((len(order), 2)), np.zeros(len(order), dtype=bool)
-    for fix in fixes:
-        table = arrays.fix(fix, True)[order]
-        force += table[:, 1:3]
-        touches |= table[:, 0] != 0.0
-    return force, touches
 
 
 def load_shear(run):
@@ -467,8 +518,9 @@ def load_shear(run):
     run.set("omega", state[:, 2])
     run.do("run 1 post no")
     largest = max(map(abs, wanted.values()))
-    for pair, (_, fs) in run.forces(touching)[0].items():
-        asked = wanted.get(pair, 0.0)
+    found = run.forces(run.get("x"), run.poses(0))[0]
+    for pair in touching:
+        asked, fs = wanted.get(pair, 0.0), found.get(pair, (0.0, 0.0))[1]
         if not abs(fs - asked) <= PRELOAD_ROUND_OFF * largest:
             raise RuntimeError(
                 f"initial_shear of pair {pair} should be {asked:g} N, but LAMMPS holds {fs:g} N: it exceeds the friction "
@@ -490,119 +542,6 @@ def _touching(run):
                 yield (i, run.n + w), (run.law_of(i, run.n + w), -normal)
 
 
-def term(value):
-    """`number` for use within a formula, in parentheses where it has a sign."""
-    text = number(value)
-    return f"({text})" if text.startswith("-") else text
-
-
-class WallMotion:
-    """Displacement and angle of one wall as texts of LAMMPS formulas in the time ``v_t``.
-
-    Attributes
-    ----------
-    pivot : tuple of two floats
-        ``P`` [m].
-    formulas : tuple of three str
-        Displacement x, y [m] and angle [rad].
-    """
-
-    def __init__(self, wall):
-        self.point, self.normal = tuple(wall["point"]), tuple(wall["normal"])
-        motion = [{**segment, "duration": float(segment["duration"])} for segment in wall["motion"]]
-        self.turns = any(segment["angular_velocity"] for segment in motion)
-        self.moves = self.turns or any(_translates(segment) for segment in motion)
-        self.pivot = self._fixed_point(motion)
-        self.formulas = self._formulas(motion)
-
-    def _fixed_point(self, motion):
-        """``P``: where the first pivot of a rotation was at time 0."""
-        x, y = 0.0, 0.0
-        for segment in motion:
-            if segment["angular_velocity"]:
-                cx, cy = segment["pivot"] or (self.point[0] + x, self.point[1] + y)
-                return cx - x, cy - y
-            if math.isinf(segment["duration"]):
-                break
-            dx, dy = _displacement(segment, segment["duration"])
-            x, y = x + dx, y + dy
-        return self.point
-
-    def _formulas(self, motion):
-        px, py = self.pivot
-        begin, bx, by, angle = 0.0, px, py, 0.0
-        pieces = []  # (end, x, y, angle)
-        for segment in motion:
-            cx, cy = segment["pivot"] or self.place(bx - px, by - py, angle)
-            ax, ay, rate = bx - cx, by - cy, segment["angular_velocity"]
-            tau = f"(v_t-{term(begin)})"
-            ux, uy = (_displacement_text(segment, axis, tau) for axis in (0, 1))
-            if rate and math.hypot(ax, ay) > 1e-12 * (math.hypot(px, py) + math.hypot(cx, cy)):
-                turn = f"({term(rate)}*{tau})"
-                x = f"{term(cx - px)}+{ux}+{term(ax)}*cos{turn}-{term(ay)}*sin{turn}"
-                y = f"{term(cy - py)}+{uy}+{term(ax)}*sin{turn}+{term(ay)}*cos{turn}"
-            else:
-                x, y = f"{term(bx - px)}+{ux}", f"{term(by - py)}+{uy}"
-            end = begin + segment["duration"]
-            pieces.append((end, x, y, f"{term(angle)}+{term(rate)}*{tau}"))
-            if math.isinf(end):
-                break
-            dx, dy = _displacement(segment, end - begin)
-            c, s = math.cos(rate * (end - begin)), math.sin(rate * (end - begin))
-            bx, by = (cx + dx + c * ax - s * ay, cy + dy + s * ax + c * ay) if rate else (bx + dx, by + dy)
-            begin, angle = end, angle + rate * (end - begin)
-        else:
-            pieces.append((math.inf, term(bx - px), term(by - py), term(angle)))
-        x, y, turned = pieces[-1][1:]
-        for end, *piece in reversed(pieces[:-1]):
-            x, y, turned = (
-                f"ternary(v_t<{term(end)},{now},{later})" for now, later in zip(piece, (x, y, turned), strict=True)
-            )
-        return x, y, turned
-
-    def place(self, dx, dy, angle):
-        """Place of the wall's own point after a displacement [m] and a rotation [rad]."""
-        ax, ay = self.point[0] - self.pivot[0], self.point[1] - self.pivot[1]
-        if angle:
-            c, s = math.cos(angle), math.sin(angle)
-            ax, ay = c * ax - s * ay, s * ax + c * ay
-        return self.pivot[0] + dx + ax, self.pivot[1] + dy + ay
-
-    def turned_normal(self, angle):
-        """The wall's normal after a rotation [rad]."""
-        if not angle:
-            return self.normal
-        c, s, (nx, ny) = math.cos(angle), math.sin(angle), self.normal
-        return c * nx - s * ny, s * nx + c * ny
-
-
-def _translates(segment):
-    wave = any(segment["amplitude"]) and segment["frequency"]
-    ramp = any(segment["tan_lever"]) and segment["tan_rate"]
-    return bool(any(segment["velocity"]) or wave or ramp)
-
-
-def _displacement(segment, tau):
-    """Displacement [m] of a segment's pivot ``tau`` seconds after its beginning."""
-    wave = math.sin(segment["frequency"] * tau + segment["phase"]) - math.sin(segment["phase"])
-    ramp = math.tan(segment["tan_rate"] * tau)
-    return tuple(
-        segment["velocity"][k] * tau + segment["amplitude"][k] * wave + segment["tan_lever"][k] * ramp for k in (0, 1)
-    )
-
-
-def _displacement_text(segment, axis, tau):
-    """Formula of `_displacement` along one axis."""
-    terms = [f"{term(segment['velocity'][axis])}*{tau}"]
-    if segment["amplitude"][axis]:
-        phase = segment["phase"]
-        wave = f"sin({term(segment['frequency'])}*{tau}+{term(phase)})-{term(math.sin(phase))}"
-        terms.append(f"{term(segment['amplitude'][axis])}*({wave})")
-    if segment["tan_lever"][axis] and segment["tan_rate"]:
-        terms.append(f"{term(segment['tan_lever'][axis])}*tan({term(segment['tan_rate'])}*{tau})")
-    return "+".join(terms)
-
-
 def preload():
     """Load the library, in a process of which runs are copies; the command names the MPI library."""
     load(sys.argv[1])
@@ -613,10 +552,6 @@ def make(request):
     global lammps
     lammps = load(request["extra"]["libmpi"])
     try:
-        if request["scene"].get("dimension") == 3:
-            import space_driver
-
-            return space_driver.Run(request)
         return Run(request)
     finally:
         free_shared_memory()

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
-from ninedisk.harness.engines.mujoco.space import IN_SPACE, SHARED_CONE, refused_in_space
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
+from ninedisk.harness.engines.world import partly_held
 
 CAPABILITIES = frozenset(
     {
@@ -36,7 +36,15 @@ CAPABILITIES = frozenset(
         Capability.TWISTING_CONSTANT,
     }
 )
-"""Walls do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
+"""Walls of 2D do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
+
+CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.MATERIALS, Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
+"""Walls of 3D that move are boxes on joints, of an inertia beyond the reach of any force."""
+
+SHARED_CONE = (
+    "friction and resistances to rolling and twisting share one cone: a ball that rolls against a resistance slips by 5/7 (mu_r/mu)^2 "
+    "of its rolling speed"
+)
 
 OWN_SOFTNESS = "https://mujoco.readthedocs.io/en/stable/computation/index.html"
 """States that contacts are soft by a stiffness and damping per unit mass, a property of the constraint solver."""
@@ -112,15 +120,14 @@ class MuJoCoEngine(RigidPackageEngine):
 
     id = "mujoco"
     session = "ninedisk.harness.engines.mujoco.session:MuJoCoSession"
-    session_in_space = "ninedisk.harness.engines.mujoco.space_session:MuJoCoSpaceSession"
-    in_space = IN_SPACE
+    capabilities_3d = CAPABILITIES_3D
     distribution = "mujoco"
     facts = FACTS
 
     def refusals(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
         pairs = len(scene.bodies) * (len(scene.bodies) - 1) // 2
-        refused = refused_in_space(scene) if isinstance(scene, SphereScene) else []
+        refused = partly_held(scene, "MuJoCo") if isinstance(scene, SphereScene) else []
         if pairs <= MOST_PAIRS:
             return refused
         return (

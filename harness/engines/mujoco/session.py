@@ -1,7 +1,7 @@
 """A scene in MuJoCo.
 
-- A disk is a sphere on a body with three slides and a hinge about z, with the disk's mass and inertia; nothing pushes it out
-  of the plane z = 0. The third slide makes MuJoCo's estimate of a contact's inverse mass, a mean over three directions,
+- A disk is a sphere on a body with three slides and a hinge about z, with the disk's mass and inertia; nothing pushes it
+  away from z = 0. The third slide makes MuJoCo's estimate of a contact's inverse mass, a mean over three directions,
   exact. A disk that cannot turn has no hinge, or, if it spins, one with an inertia beyond the reach of any torque.
 - A wall is an infinite plane of the world, a fixed disk a sphere of the world.
 - Every pair of bodies is an explicit contact pair with the scene's own friction, and its ``solref`` in the form ``(-k,
@@ -15,6 +15,15 @@
   where it sticks. In steady sliding w is ``(b_t/d) v_t``: what it adds to the overlap is ``mu b_t v_t/k``. The contact stays
   closed while that is less than the load's own ``(1 - d) f_n/k``, so that ``b_t`` has to be small; a damper that is to end
   slip within substeps needs ``b_t/d`` of the order of ``1/h``: hence a small d.
+
+In 3D:
+
+- A sphere is a body on three slides and a ball joint; one that cannot turn has no ball joint, or, if it spins, an inertia that no torque
+  can change. After each substep its orientation is undone, which a sphere does not show: spins are then those of the scene's axes.
+- A wall that moves is a face of a box on such joints, of a mass and an inertia that nothing can change, and without weight; so is a sphere
+  whose whole motion is prescribed. Bodies whose pose alone is prescribed (mocap) meet contacts as if they were at rest.
+- Resistances to twisting and rolling of the model "constant" are MuJoCo's own, of a contact of four or six dimensions: all share one
+  cone with the friction, and twisting has a coefficient of 1e-5 m at least where there is rolling.
 """
 
 from __future__ import annotations
@@ -34,8 +43,21 @@ from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
-from ninedisk.harness.engines.plane import WallPoses, finite_state, mean_loads, three, write_contacts
+from ninedisk.harness.engines.world import (
+    driven_spheres,
+    finite_state,
+    from_z,
+    mean_loads,
+    poses_of,
+    quaternion_of,
+    rotation_of,
+    three,
+    twists,
+    write_contacts,
+    write_driven,
+)
 from ninedisk.references.analytic.impact.spring_dashpot import beta_of_restitution
 
 ENGINE_VERSION = version("mujoco")
@@ -46,6 +68,12 @@ _BLOCKED = 1e15
 """Inertia of a disk that spins and cannot change its spin, in units of m R^2: what torques add is rounded away. From 1e16 on
 the line search of MuJoCo's solver loses the forces in the round-off of so large a body's energy."""
 
+_UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+
+_PRESCRIBED = 1e8
+"""Mass and inertia of a body whose motion is prescribed, in units of a sphere's: a step, at whose end it is put right, changes it by 1e-8
+of what it changes a sphere. From 1e12 on MuJoCo's solver loses contact forces in the round-off of so large a body's energy."""
+
 
 class MuJoCoSession:
     """The `Session` of one run."""
@@ -55,8 +83,11 @@ class MuJoCoSession:
 
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:  # noqa: ARG002
         self.options = read_options("mujoco", OPTIONS, numerics)
-        self.scene, self.dt, self.done = scene, numerics.dt, 0
-        bodies = scene.bodies
+        self.scene, self.dt, self.done, self.size = scene, numerics.dt, 0, scene.dimension
+        self.poses, bodies = poses_of(scene), scene.bodies
+        self.driven = driven_spheres(scene) if self.size == 3 else []
+        self.boxes = [k for k, wall in enumerate(scene.walls) if wall.motion]
+        self.reach = wall_reach(scene, numerics, "MuJoCo") if self.size == 3 else 0.0
         self.fixed = bodies.fixed
         self.free = np.flatnonzero(~self.fixed).tolist()
         self.substeps = self.options["mujoco.substeps"]
@@ -90,21 +121,35 @@ class MuJoCoSession:
 
     def begin(self) -> None:
         """The state of time 0."""
-        disks = self.scene.disks
-        # All joints are scalar, so that one index serves positions and velocities.
-        self.place = {i: self.model.body(_name(i)).jntadr[0] for i in self.free}
-        self.turns = [disks.rotating[i] or disks.omega[i] != 0.0 for i in range(len(disks))]
-        for i, k in self.place.items():
-            self.data.qvel[k : k + 2] = disks.v[i]
-            if self.turns[i]:
-                self.data.qvel[k + 3] = disks.omega[i]
-        self.poses = WallPoses(self.scene)
+        bodies = self.scene.bodies
+        turns = bodies.rotating | (bodies.omega != 0.0).reshape(len(bodies), -1).any(axis=1)
+        moving = [*self.free, *(len(bodies) + k for k in self.boxes)]
+        self.joints = {b: self._joint(b) for b in moving}
+        self.turning = [i for i in self.free if turns[i]]
+        self.angle = np.zeros_like(bodies.omega)
+        self.turned: list[tuple[slice, FloatArray]] = []
+        for i in self.free:
+            dof, omega = self.joints[i][1], np.atleast_1d(bodies.omega[i])
+            self.data.qvel[dof : dof + self.size] = bodies.v[i]
+            if turns[i]:
+                self.data.qvel[dof + 3 : dof + 3 + len(omega)] = omega
+        places, dofs = (np.array([self.joints[i][k] + 3 for i in self.turning], dtype=int) for k in (0, 1))
+        self.quaternions, self.spins = places[:, None] + np.arange(4), dofs[:, None] + np.arange(3)
+        self.hinges = dofs
+
+    def _joint(self, body: int) -> tuple[int, int]:
+        """Where the positions and where the velocities of a body's joints begin."""
+        first = self.model.body(_name(body)).jntadr[0]
+        return int(self.model.jnt_qposadr[first]), int(self.model.jnt_dofadr[first])
 
     def warm_up(self) -> None:
         """Nothing: MuJoCo is native code and its model is compiled in the set-up."""
 
     def advance(self, n_steps: int) -> None:
         """Step the model; impulses are summed over the substeps of the last step only."""
+        if self.size == 3:
+            self._advance_3d(n_steps)
+            return
         if self.scene.forces:
             for ahead in range(n_steps - 1):
                 self._push(self.done + ahead)
@@ -118,19 +163,68 @@ class MuJoCoSession:
             self._add_impulses()
         self.done += n_steps
 
+    def _advance_3d(self, n_steps: int) -> None:
+        """Step the model; impulses are summed over the substeps of the last step only."""
+        model, data, step, h = self.model, self.data, mujoco.mj_step, self.h
+        place, velocity, upright = data.qpos, data.qvel, np.tile(_UPRIGHT, (len(self.turning), 1))
+        angle, turn = self.angle[self.turning], np.empty((len(self.turning), 3))
+        for remaining in range(n_steps, 0, -1):
+            self._prescribe()
+            self.impulses.clear()
+            for _ in range(self.substeps):
+                step(model, data)
+                for dofs, rotation in self.turned:  # the velocity of a point off the axis turns within the step
+                    velocity[dofs] = rotation @ velocity[dofs]
+                if self.turning:
+                    velocity.take(self.spins, out=turn, mode="clip")
+                    turn *= h
+                    angle += turn
+                    place[self.quaternions] = upright
+                if remaining == 1:
+                    self._add_impulses()
+            self.done += 1
+        self.angle[self.turning] = angle
+
+    def _prescribe(self) -> None:
+        """Put moving walls and spheres where they are, with the velocities of the coming step."""
+        t = self.done * self.dt
+        for i in self.driven:
+            place, dof = self.joints[i]
+            self.data.qpos[place : place + 3] = t * self.scene.spheres.v[i]
+            self.data.qvel[dof : dof + 3] = self.scene.spheres.v[i]
+        if not self.boxes:
+            return
+        here = self.poses(t)
+        velocity, rate = twists(here, self.poses(t + self.dt), self.dt)
+        self.turned.clear()
+        for k in self.boxes:
+            place, dof = self.joints[len(self.scene.spheres) + k]
+            self.data.qpos[place : place + 3] = here.point[k] - self.scene.walls[k].point
+            self.data.qpos[place + 3 : place + 7] = quaternion_of(here.rotation[k])
+            self.data.qvel[dof : dof + 3] = velocity[k]
+            self.data.qvel[dof + 3 : dof + 6] = (
+                here.rotation[k].T @ rate[k]
+            )  # a ball joint's spin is in the body's frame
+            if rate[k].any() and velocity[k].any():
+                self.turned.append((slice(dof, dof + 3), rotation_of(self.h * rate[k])))
+
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
-        position, velocity = self.data.qpos, self.data.qvel
-        for name in ("v", "angle", "omega"):
-            getattr(history, name)[row, self.fixed] = 0.0
-        history.x[row, self.fixed] = self.scene.disks.x[self.fixed]
-        for i, k in self.place.items():
-            history.x[row, i] = self.scene.disks.x[i] + position[k : k + 2]
-            history.v[row, i] = velocity[k : k + 2]
-            history.angle[row, i] = position[k + 3] if self.turns[i] else 0.0
-            history.omega[row, i] = velocity[k + 3] if self.turns[i] else 0.0
-        finite_state("MuJoCo", self.done, history.x[row], history.v[row])
+        bodies, size, position, velocity = self.scene.bodies, self.size, self.data.qpos, self.data.qvel
+        history.x[row], history.v[row], history.omega[row], history.angle[row] = bodies.x, 0.0, 0.0, self.angle
+        for i in self.free:
+            place, dof = self.joints[i]
+            history.x[row, i] += position[place : place + size]
+            history.v[row, i] = velocity[dof : dof + size]
+        if size == 3:
+            history.omega[row, self.turning] = velocity[self.spins]
+        else:  # all joints are scalar, so that one index serves positions and velocities
+            history.omega[row, self.turning] = velocity[self.hinges]
+            history.angle[row, self.turning] = position[self.hinges]
+        finite_state("MuJoCo", self.done, history.x[row], history.v[row], history.omega[row])
         self._check_warnings()
+        if self.driven:
+            write_driven(self.scene, history, row, self.done * self.dt)
         write_contacts(self.scene, history, row, self.poses(self.done * self.dt), self.summed(), self.dt)
 
     def summed(self) -> dict[Pair, FloatArray] | None:
@@ -145,7 +239,7 @@ class MuJoCoSession:
 
     def _add_impulses(self) -> None:
         """Add what the contacts of a substep exert: numbers, as arrays of two or three take ten times as long."""
-        data, size, wrench = self.data, self.scene.dimension, self.wrench
+        data, size, wrench = self.data, self.size, self.wrench
         count = data.ncon
         if not count:
             return
@@ -209,50 +303,72 @@ class MuJoCoSession:
 
     def still(self) -> list[bool]:
         """Which bodies and walls no contact can move: two of them have none."""
-        return [*self.fixed.tolist(), *(True for _ in self.scene.walls)]
+        bodies = (kept or i in self.driven for i, kept in enumerate(self.fixed.tolist()))
+        return [*bodies, *(True for _ in self.scene.walls)]
 
     def _add_disk(self, spec: Any, i: int) -> None:
-        disks = self.scene.disks
-        mass, radius = float(disks.mass[i]), float(disks.radius[i])
-        inertia = float(disks.inertia[i]) if disks.rotating[i] else _BLOCKED * mass * radius**2
+        bodies = self.scene.bodies
+        mass, radius, place = float(bodies.mass[i]), float(bodies.radius[i]), three(bodies.x[i])
         sphere = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
         if self.fixed[i]:
-            spec.worldbody.add_geom(pos=[*disks.x[i], 0.0], contype=0, conaffinity=0, **sphere)
+            spec.worldbody.add_geom(pos=place, contype=0, conaffinity=0, **sphere)
             return
+        driven, turns = i in self.driven, bool(bodies.rotating[i]) or bool(np.any(bodies.omega[i]))
+        inertia = float(bodies.inertia[i]) if bodies.rotating[i] else _BLOCKED * mass * radius**2
+        if driven:
+            mass, inertia = _PRESCRIBED * mass, _PRESCRIBED * float(bodies.inertia[i])
+        body = self._body(spec, _name(i), place, mass, inertia, turns=turns, weightless=driven)
+        body.add_geom(contype=0, conaffinity=0, **sphere)
+
+    def _add_wall(self, spec: Any, k: int) -> None:
+        wall, name, half = self.scene.walls[k], _name(len(self.scene.bodies) + k), math.sqrt(0.5)
+        # In 2D a quarter turn about z x n takes the plane's own normal, z, to n.
+        flat = [half, -half * wall.normal[1], half * wall.normal[0], 0.0]
+        facing = flat if self.size == 2 else from_z(np.array(wall.normal))
+        if k not in self.boxes:
+            plane = mujoco.mjtGeom.mjGEOM_PLANE
+            shape = {"type": plane, "pos": three(wall.point), "size": [0.0, 0.0, 1.0]}
+            spec.worldbody.add_geom(name=name, quat=facing, contype=0, conaffinity=0, **shape)
+            return
+        mass = _PRESCRIBED * float(self.scene.bodies.mass.max(initial=1e-300))
+        body = self._body(spec, name, wall.point, mass, mass * self.reach**2, turns=True, weightless=True)
+        box, middle = mujoco.mjtGeom.mjGEOM_BOX, -self.reach * np.array(wall.normal)
+        body.add_geom(name=name, type=box, pos=middle, quat=facing, size=[self.reach] * 3, contype=0, conaffinity=0)
+
+    def _body(
+        self, spec: Any, name: str, place: Any, mass: float, inertia: float, *, turns: bool, weightless: bool
+    ) -> Any:
+        """A body on three slides and, where it turns, a hinge about z or in 3D a ball joint."""
         body = spec.worldbody.add_body(
-            name=_name(i),
-            pos=[*disks.x[i], 0.0],
+            name=name,
+            pos=place,
             mass=mass,
             inertia=[inertia] * 3,
             ipos=[0.0] * 3,
             explicitinertial=True,
+            gravcomp=float(weightless),
         )
         for axis in np.eye(3):
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-        if disks.rotating[i] or disks.omega[i]:
+        if turns and self.size == 2:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
-        body.add_geom(contype=0, conaffinity=0, **sphere)
+        elif turns:
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_BALL)
+        return body
 
-    def _add_wall(self, spec: Any, k: int) -> None:
-        wall, half = self.scene.walls[k], math.sqrt(0.5)
-        # A quarter turn about z x n takes the plane's own normal, z, to n.
-        spec.worldbody.add_geom(
-            name=_name(len(self.scene.disks) + k),
-            type=mujoco.mjtGeom.mjGEOM_PLANE,
-            pos=[*wall.point, 0.0],
-            quat=[half, -half * wall.normal[1], half * wall.normal[0], 0.0],
-            size=[0.0, 0.0, 1.0],
-            contype=0,
-            conaffinity=0,
-        )
-
-    def friction(self, law: Any) -> tuple[int, list[float]]:
-        """Dimension of a contact's forces and coefficients of both slips, of twisting and of both rollings."""
-        return 3 if law.mu > 0.0 else 1, [law.mu, law.mu, 0.0, 0.0, 0.0]
+    def friction(self, law: Any, pair: Pair) -> tuple[int, list[float]]:
+        """Dimension of a contact's forces and coefficients of both slips [-], of twisting and of both rollings [m]."""
+        if self.size == 2:
+            return 3 if law.mu > 0.0 else 1, [law.mu, law.mu, 0.0, 0.0, 0.0]
+        rolling, twisting = (0.0 if each is None else each.mu for each in (law.rolling, law.twisting))
+        radii = self.scene.spheres.radius[[body for body in pair if body < len(self.scene.spheres)]]
+        per_length = float((1.0 / radii).sum())
+        resistances = [each / per_length for each in (twisting, rolling, rolling)]
+        return 6 if rolling else 4 if twisting else 3 if law.mu else 1, [law.mu, law.mu, *resistances]
 
     def _add_pair(self, spec: Any, pair: Pair) -> None:
         law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
-        condim, friction = self.friction(law)
+        condim, friction = self.friction(law, pair)
         spec.add_pair(
             geomname1=_name(pair[0]),
             geomname2=_name(pair[1]),

@@ -24,7 +24,8 @@ import pymunk
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
-from ninedisk.harness.engines.plane import WorldSession, touch_length, turn, wall_reach
+from ninedisk.harness.engines.lengths import touch_length, wall_reach
+from ninedisk.harness.engines.world import WorldSession, turn
 
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
 

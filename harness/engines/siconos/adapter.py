@@ -15,11 +15,12 @@ from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.harness.api.capabilities import Capability
+from ninedisk.core.validate import FloatArray
+from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.engines.plane import path, touch_length
+from ninedisk.harness.engines.lengths import path, touch_length
 from ninedisk.harness.engines.process import (
     SYSTEM_PYTHON,
     ProcessEngine,
@@ -27,7 +28,7 @@ from ninedisk.harness.engines.process import (
     system_python,
     system_version,
 )
-from ninedisk.harness.engines.siconos.space import IN_SPACE, NOTE_LEMKE, plane_path
+from ninedisk.harness.engines.world import PlanePoses, twists
 
 INSTALL = "apt-get install python3-siconos"
 DRIVER = Path(__file__).with_name("driver.py")
@@ -46,6 +47,7 @@ CAPABILITIES = frozenset(
         Capability.SPHERES,
     }
 )
+CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.MATERIALS}
 OPTIONS: Mapping[str, Option] = {
     "theta": Option(
         default=0.5,
@@ -76,6 +78,7 @@ NOTE_THETA = (
     "theta of Moreau-Jean is the option siconos.theta (1/2), not Numerics.theta: it weighs the positions' velocities and "
     "plays no part in the impact law"
 )
+NOTE_LEMKE = "Lemke's method is one of the plane, whose friction is no cone: leave siconos.solver at nsgs"
 
 
 def installed_siconos(program: str) -> tuple[str | None, str]:
@@ -92,6 +95,19 @@ def activation_threshold(scene: Scene | SphereScene, numerics: Numerics) -> floa
     """
     tolerance = float(read_options(Siconos.id, OPTIONS, numerics)[f"{Siconos.id}.tolerance"])
     return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * path(scene, numerics)
+
+
+def step_path(scene: SphereScene, numerics: Numerics) -> FloatArray:
+    """Point [m], normal, velocity [m/s] and spin [rad/s] over the coming step of each wall of 3D at each step, shape (k, m, 12).
+
+    One row where all walls rest: the last row lasts.
+    """
+    poses, dt = PlanePoses(scene), numerics.dt
+    found = []
+    for step in range(numerics.n_steps + 1 if poses.moving else 1):
+        here = poses(step * dt)
+        found.append(np.hstack([here.point, here.normal, *twists(here, poses((step + 1) * dt), dt)]))
+    return np.array(found)
 
 
 FACTS = EngineInfo(
@@ -129,22 +145,24 @@ class Siconos(ProcessEngine):
 
     def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
         """Rigid contacts only; global damping is the central form for theta = 1/2 alone."""
-        space, options = isinstance(scene, SphereScene), read_options(self.id, OPTIONS, numerics)
-        has = set(IN_SPACE if space else CAPABILITIES)
+        spheres, options = isinstance(scene, SphereScene), read_options(self.id, OPTIONS, numerics)
+        has = set(CAPABILITIES_3D if spheres else CAPABILITIES)
         if options[f"{self.id}.theta"] != 0.5:
             has.discard(Capability.GLOBAL_DAMPING_CENTRAL)
         n = len(scene.bodies)
         pairs = n * (n - 1) // 2 + n * len(scene.walls)
         refused = [NOTE_MANY.format(pairs=pairs)] if pairs > MOST_PAIRS else []
-        if space and options[f"{self.id}.solver"] == "lemke":
+        if spheres and options[f"{self.id}.solver"] == "lemke":
             refused.append(NOTE_LEMKE)
         return rigid_support(scene, numerics, has, refused=refused, remarks=(NOTE_THETA,))
 
     def extra(self, scene: Any, numerics: Numerics, folder: Path) -> Mapping[str, Any]:
         """Settings, the walls' path at every step (a file: it can be long), and the gap that is round-off."""
         path = folder / "wall_path.npy"
-        space = isinstance(scene, SphereScene)
-        np.save(path, plane_path(scene, numerics) if space else wall_path(scene, numerics.dt, numerics.n_steps))
+        if isinstance(scene, SphereScene):
+            np.save(path, step_path(scene, numerics))
+        else:
+            np.save(path, wall_path(scene, numerics.dt, numerics.n_steps))
         return {
             "options": read_options(self.id, OPTIONS, numerics),
             "wall_path": str(path),

@@ -44,7 +44,8 @@ class Law:
     """
 
     def __init__(self, law):
-        self.stiff, self.beta, self.rolling = law["kn"], law["beta"], law["rolling"]
+        self.stiff, self.beta = law["kn"], law["beta"]
+        self.rolling, self.twisting = law["rolling"], law["twisting"]
         self.kn = law["kn"] - law["cohesion"]
         self.repulsive = law["kn"] / self.kn
         # A contact without friction or without shear spring carries no shear force; ks > 0 keeps YADE's energy defined.
@@ -53,25 +54,35 @@ class Law:
 
 
 class WallBox:
-    """A half-plane as the face of a large fixed box.
+    """A wall as the face of a large fixed box, opposite the middle of the bodies.
 
-    The box is turned from the nearest axis by at most 45 degrees, so that a wall along an axis has no rotation at all
-    and its face is exact to the last bit.
+    The box is turned from the nearest axis by the shortest way, so that a wall along an axis has no rotation at all and its face is exact
+    to the last bit. A subclass gives `place`.
     """
 
     def __init__(self, row, middle, depth, size, material):
-        self.depth = depth
-        point, normal = row[0:2], row[2:4]
-        self.axis = int(np.argmax(np.abs(normal)))
-        self.outward = math.copysign(1.0, normal[self.axis])
-        self.along = float((middle - point) @ (-normal[1], normal[0]))  # face centre opposite the middle of the disks
-        extents = (depth, size, depth) if self.axis == 0 else (size, depth, depth)
+        self.middle, self.depth, dimension = middle, depth, len(middle)
+        normal = row[dimension : 2 * dimension]
+        axis = int(np.argmax(np.abs(normal)))
+        self.facing = np.zeros(dimension)
+        self.facing[axis] = math.copysign(1.0, normal[axis])
+        extents = [*[size] * dimension, depth][:3]
+        extents[axis] = depth
         body = box((0, 0, 0), extents, fixed=True, material=material)
         body.mask = WALL_MASK
         O.bodies.append(body)
         self.state = body.state
-        self.normal, self.still = None, False
+        self.begin(row)
         self.place(row)
+
+
+class WallBox2D(WallBox):
+    """A wall of 2D: it turns about z."""
+
+    def begin(self, row):
+        px, py, nx, ny = row[:4]
+        self.along = float((self.middle - (px, py)) @ (-ny, nx))
+        self.normal, self.still = None, False
 
     def place(self, row):
         """Put the face where ``row`` says (see ``wall_path``) and give the box its velocity there."""
@@ -85,8 +96,40 @@ class WallBox:
         state.pos = (x, y, 0.0)
         if self.normal != (nx, ny):
             self.normal = (nx, ny)
-            bx, by = (self.outward, 0.0) if self.axis == 0 else (0.0, self.outward)
+            bx, by = self.facing.tolist()
             state.ori = Quaternion(Vector3(0, 0, 1), math.atan2(bx * ny - by * nx, bx * nx + by * ny))
         self.still = still
         state.vel = (vx - spin * (y - cy), vy + spin * (x - cx), 0.0)
         state.angVel = (0.0, 0.0, spin)
+
+
+class WallBox3D(WallBox):
+    """A wall of 3D. Its box does not turn about its own normal, only its velocity tells of such a spin."""
+
+    def begin(self, row):  # noqa: ARG002
+        self.placed = b""
+
+    def place(self, row):
+        """Put the face where ``row`` says (see ``plane_path``) and give the box its velocity there."""
+        text = row.tobytes()
+        if text == self.placed:  # nothing else moves a wall
+            return
+        self.placed = text
+        point, normal, velocity, spin = row.reshape(4, 3)
+        along = self.middle - point
+        centre = point + (along - (along @ normal) * normal) - self.depth * normal
+        state = self.state
+        state.pos = Vector3(*centre)
+        turned = (normal != self.facing).any()
+        state.ori = Quaternion(*quaternion(self.facing, normal)) if turned else Quaternion(1, 0, 0, 0)
+        state.vel = Vector3(*(velocity + np.cross(spin, centre - point)))
+        state.angVel = Vector3(*spin)
+
+
+BOXES = {2: WallBox2D, 3: WallBox3D}
+
+
+def quaternion(one, two):
+    """Unit quaternion (w, x, y, z) of the shortest rotation from one direction to another, less than half a turn away."""
+    values = np.array([1.0 + one @ two, *np.cross(one, two)])
+    return (values / np.linalg.norm(values)).tolist()

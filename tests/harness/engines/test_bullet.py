@@ -10,7 +10,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness import run_case
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel, run_session
-from ninedisk.harness.engines import plane as plane_geometry
+from ninedisk.harness.engines import lengths
 from ninedisk.harness.engines.bullet import adapter as adapter
 from ninedisk.harness.engines.bullet.adapter import ENGINE
 from ninedisk.harness.engines.package import product_factors
@@ -59,7 +59,7 @@ def test_bullet_s_own_settings_would_change_the_restitution(rigid, on_plane, mon
     scene = on_plane(rigid(restitution=1.0), v=(0.0, -1.0), height=0.0525, g=0.0)
     assert run(scene, 12, contact_erp=0.2).history.v[-1, 0, 1] > 1.05
     # Contacts from about 0.01 m on, as with Bullet's own 0.02 m.
-    monkeypatch.setattr(plane_geometry, "TOUCH_ULPS", 1e14)
+    monkeypatch.setattr(lengths, "TOUCH_ULPS", 1e14)
     assert run(scene, 12).history.v[-1, 0, 1] < 0.9
 
 

@@ -89,14 +89,14 @@ def test_contact_forces_that_its_momenta_contradict_are_an_error(
 def test_forces_on_spheres_that_its_contacts_cannot_make_are_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The check of every sample in space, seen failing: the driver takes no shear force off."""
+    """The check of every sample in 3D, seen failing: the driver takes no shear force off."""
     folder, own = tmp_path / "esys_particle", adapter.DRIVER.parent
     shutil.copytree(own, folder)
     shutil.copytree(own.parent / "drivers", tmp_path / "drivers")
-    text = (own / "space_driver.py").read_text()
+    text = adapter.DRIVER.read_text()
     altered = text.replace("rest[body] -= sign", "rest[body] -= 0.0 * sign")
     assert altered != text
-    (folder / "space_driver.py").write_text(altered)
+    (folder / "driver.py").write_text(altered)
     monkeypatch.setattr(EsysParticle, "driver", folder / "driver.py")
     setup = variant("spheres/turned", kind="passed")
     with pytest.raises(EngineError, match=r"at step 1 ESyS-Particle pushes spheres otherwise .* N are left"):

@@ -273,7 +273,7 @@ def test_formulas_of_wall_motion_are_the_core_s() -> None:
         disks=Disks(x=np.array([[0.0, 0.0]]), radius=0.1, mass=1.0), disk_disk=ContactLaw(kn=1.0), walls=walls
     )  # type: ignore[arg-type]
     plain, table = scene.to_dict()["walls"], compile_motion(walls)
-    motions = [formulas().WallMotion(wall) for wall in plain]
+    motions = [formulas().MOTIONS[2](wall) for wall in plain]
     assert [motion.turns for motion in motions] == [True, True, False, False]
     assert [motion.moves for motion in motions] == [True, True, True, False]
     for t in (0.0, 0.1, 0.3, 0.31, 0.35, 0.4, 0.45, 0.6, 0.65, 1.0, 3.0):
@@ -314,7 +314,7 @@ def test_lever_arms_are_graded_honestly() -> None:
 def test_wall_motion_is_graded_honestly() -> None:
     curved = Lammps().supports(*distortion("radius", walls="mid-pivot-caps-translate"))
     assert curved.level is SupportLevel.EQUIVALENT
-    assert adapter.NOTE_WALL_MEAN in curved.notes
+    assert adapter.NOTE_MEAN in curved.notes
     smooth = Lammps().supports(*distortion("radius", walls="mid-pivot-caps-translate", wall_mu=0.0))
     assert smooth.level is SupportLevel.EXACT
     scene, numerics = distortion("radius")

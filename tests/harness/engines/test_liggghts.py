@@ -20,7 +20,7 @@ from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError, SupportLevel
 from ninedisk.harness.engines.liggghts import adapter as adapter
 from ninedisk.harness.engines.liggghts.adapter import Liggghts
-from ninedisk.harness.engines.plane import no_disk_can_turn
+from ninedisk.harness.engines.symmetry import no_disk_can_turn
 from ninedisk.harness.run.isolation import run_isolated
 
 needs_liggghts = pytest.mark.skipif(

@@ -19,7 +19,7 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.engines.dart.adapter import FORCE_MIXING
-from ninedisk.harness.engines.space import from_z, quaternion_of, rotation_of, vector_of
+from ninedisk.harness.engines.world import from_z, quaternion_of, rotation_of, vector_of
 
 G, MU, DT = 9.81, 0.3, 0.005
 

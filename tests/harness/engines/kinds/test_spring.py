@@ -69,7 +69,7 @@ EXPECTED = {
         licence="GPL-2.0-only",
         settings={"pair_style": "granular"},
         block=1e-9,
-        behind="disk \\d is .* m behind wall '\\w+', where LAMMPS' region",
+        behind="disk \\d is .* m behind wall '\\w+', where LAMMPS no longer pushes it back",
     ),
     "liggghts": Expected(
         licence="GPL-2.0-or-later",
