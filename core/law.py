@@ -8,7 +8,7 @@ from math import log, pi, sqrt
 from typing import Any, Literal
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import at_least, flag, kind_of, one_of, within
+from ninedisk.core.validate import at_least, flag, kind_of, one_of, real, shown, within
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
@@ -233,12 +233,15 @@ class ContactLaw:
     regularised: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("e_star", "g_star", "ks", "mu", "beta", "surface_energy", "cohesion", "adhesion"):
+        object.__setattr__(self, "e_star", at_least("e_star", self.e_star, 0.0, strict=real(self.e_star) != 0.0))
+        for name in ("g_star", "ks", "mu", "beta", "surface_energy", "cohesion", "adhesion"):
             object.__setattr__(self, name, at_least(name, getattr(self, name), 0.0))
-        if self.hertz and self.kn == 0.0:
-            object.__setattr__(self, "kn", 0.0)
-        else:
-            object.__setattr__(self, "kn", at_least("kn", self.kn, 0.0, strict=True))
+        if real(self.kn) == 0.0 and not self.hertz:
+            raise InvalidSceneError(
+                f"kn = {shown(self.kn)} is not allowed: it must be a finite number > 0; give kn for the linear law, or e_star for "
+                "Hertz-Mindlin"
+            )
+        object.__setattr__(self, "kn", at_least("kn", self.kn, 0.0, strict=not self.hertz))
         self._check_one_law()
         if self.restitution is not None:
             object.__setattr__(self, "restitution", within("restitution", self.restitution, 0.0, 1.0))
@@ -322,6 +325,8 @@ class ContactLaw:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactLaw:
         """Inverse of `to_dict`."""
+        if "kn" not in data and "e_star" not in data:
+            raise InvalidSceneError("a law lacks the key 'kn': give kn for the linear law, or e_star for Hertz-Mindlin")
         both = {name: Rolling(**data[name]) for name in ("rolling", "twisting") if data.get(name) is not None}
         return cls(**{**data, **both})
 

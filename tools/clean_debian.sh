@@ -3,7 +3,7 @@
 #
 #   sudo tools/clean_debian.sh FOLDER [RELEASE [COMMAND ...]]
 #
-# FOLDER gets the Debian release (trixie is 13, bookworm 12; debootstrap, some 2 GB with the engines), and in /root/ninedisk a clone of
+# FOLDER gets the Debian release (trixie is 13, bookworm 12; debootstrap, some 2 GB with the engines), and in /opt/ninedisk a clone of
 # HEAD. COMMAND runs there; without one, the two commands of the README that install ninedisk and give its first result. The settings of
 # apt, pip, npm and of certificates come from this machine. A FOLDER that holds a release already is used again, with a new clone.
 set -euo pipefail
@@ -43,9 +43,9 @@ for file in /etc/resolv.conf /etc/hosts /etc/pip.conf /etc/npmrc /etc/ssl/certs/
 done
 if [[ -d /etc/apt/apt.conf.d ]]; then cp -n /etc/apt/apt.conf.d/* "$folder/etc/apt/apt.conf.d/"; fi
 
-rm -rf "$folder/root/ninedisk"
-git clone --quiet "$tree" "$folder/root/ninedisk"
-first='python3 -m venv /root/venv && . /root/venv/bin/activate && pip install -q . && ninedisk check-engine --engine-cmd "python3 docs/examples/spring_dem.py"'
+rm -rf "$folder/opt/ninedisk"
+git clone --quiet "$tree" "$folder/opt/ninedisk"
+first='python3 -m venv /opt/venv && . /opt/venv/bin/activate && pip install -q . && ninedisk check-engine --engine-cmd "python3 docs/examples/spring_dem.py"'
 if (($# == 0)); then set -- bash -c "$first"; fi
 echo "clean_debian: Debian $(cat "$folder/etc/debian_version"), $(chroot "$folder" python3 --version)"
-chroot "$folder" bash -c 'cd /root/ninedisk && exec "$@"' bash "$@"
+chroot "$folder" bash -c 'cd /opt/ninedisk && exec "$@"' bash "$@"

@@ -11,8 +11,8 @@ import numpy as np
 from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.scene.bodies import Bodies
-from ninedisk.core.scene.walls import AnyWall, vector
-from ninedisk.core.validate import all_of_kind, body_numbers, items_of, kind_of, shown, whole
+from ninedisk.core.scene.walls import AnyWall
+from ninedisk.core.validate import all_of_kind, body_numbers, finite, items_of, kind_of, shown, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class AnyScene:
     """
 
     walls: tuple[Any, ...] = ()
-    gravity: Any = None
+    gravity: Any
     laws: Mapping[tuple[str, str], ContactLaw] = field(default_factory=dict)
 
     dimension: ClassVar[int]
@@ -50,9 +50,8 @@ class AnyScene:
         kind_of(self._names()[0], self.bodies, self.kind_of_bodies)
         kind_of(self._names()[1], self.law_of_bodies, ContactLaw)
         object.__setattr__(self, "walls", all_of_kind("walls", self.walls, self.kind_of_wall))
-        rest = (0.0,) * self.dimension
-        gravity = rest if self.gravity is None else self.gravity
-        object.__setattr__(self, "gravity", vector("gravity", gravity, self.dimension))
+        gravity = finite("gravity", self.gravity, (self.dimension,))
+        object.__setattr__(self, "gravity", tuple(float(each) for each in gravity))
         self._check_names()
         self._check_walls()
         object.__setattr__(self, "laws", self._checked_laws())

@@ -39,10 +39,10 @@ class Segment:
     """
 
     duration: float = float("inf")
-    velocity: Any = None
-    angular_velocity: Any = None
+    velocity: Any
+    angular_velocity: Any
     pivot: Any = None
-    amplitude: Any = None
+    amplitude: Any
     frequency: float = 0.0
     phase: float = 0.0
 
@@ -59,20 +59,19 @@ class Segment:
                 f"segment duration = {duration!r} is not allowed: it must lie between {SMALLEST:g} and {LARGEST:g} s, or be inf"
             )
         object.__setattr__(self, "duration", duration)
-        rest = (0.0,) * self.dimension
         for name in ("velocity", "amplitude"):
-            given = getattr(self, name)
-            object.__setattr__(self, name, vector(f"segment {name}", rest if given is None else given, self.dimension))
+            object.__setattr__(self, name, vector(f"segment {name}", getattr(self, name), self.dimension))
         if self.pivot is not None:
             object.__setattr__(self, "pivot", vector("segment pivot", self.pivot, self.dimension))
         for name in ("frequency", "phase"):
             object.__setattr__(self, name, _number(f"segment {name}", getattr(self, name)))
         spin = self.angular_velocity
-        if self.dimension == 2:
-            spin = _number("segment angular_velocity", 0.0 if spin is None else spin)
-        else:
-            spin = vector("segment angular_velocity", rest if spin is None else spin, 3)
-        object.__setattr__(self, "angular_velocity", spin)
+        turns = (
+            _number("segment angular_velocity", spin)
+            if self.dimension == 2
+            else vector("segment angular_velocity", spin, 3)
+        )
+        object.__setattr__(self, "angular_velocity", turns)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +89,10 @@ class WallSegment(Segment):
         Rate of the tangent term [rad/s].
     """
 
-    velocity: tuple[float, float] = None  # type: ignore[assignment]
-    angular_velocity: float = None  # type: ignore[assignment]
+    velocity: tuple[float, float] = (0.0, 0.0)
+    angular_velocity: float = 0.0
     pivot: tuple[float, float] | None = None
-    amplitude: tuple[float, float] = None  # type: ignore[assignment]
+    amplitude: tuple[float, float] = (0.0, 0.0)
     tan_lever: tuple[float, float] = (0.0, 0.0)
     tan_rate: float = 0.0
 
@@ -113,10 +112,10 @@ class WallSegment(Segment):
 class PlaneSegment(Segment):
     """A `Segment` in 3D."""
 
-    velocity: tuple[float, float, float] = None  # type: ignore[assignment]
-    angular_velocity: tuple[float, float, float] = None  # type: ignore[assignment]
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angular_velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pivot: tuple[float, float, float] | None = None
-    amplitude: tuple[float, float, float] = None  # type: ignore[assignment]
+    amplitude: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     dimension: ClassVar[int] = 3
 

@@ -17,7 +17,7 @@ import pytest
 # dynamics alone.
 THIRD_PARTIES = (
     (
-        r"ninedisk\.core\.(thread_kernels|spheres\.registers|cd\.solvers\.factorise_kernels)",
+        r"ninedisk\.core\.(thread_kernels|dem\.space\.registers|cd\.solvers\.factorise_kernels)",
         {"numpy", "numba", "llvmlite.ir"},
     ),
     (r"ninedisk\.core\.cd\.solvers\.feasibility", {"numpy", "numba", "scipy.sparse", "scipy.optimize.linprog"}),

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ninedisk.core import history, numerics, scene
-from ninedisk.core.dem.space import law as sphere_law
-from ninedisk.core.dem.space import scene as space
+from ninedisk.core import history, law, numerics, scene
 
 pytestmark = pytest.mark.tree
 CLASSES = {
@@ -22,12 +20,11 @@ CLASSES = {
         scene.Scene,
         scene.Wall,
         scene.WallSegment,
-        space.SphereScene,
-        space.Spheres,
-        space.PlaneWall,
-        space.PlaneSegment,
-        sphere_law.SphereLaw,
-        sphere_law.Elastic,
+        scene.SphereScene,
+        scene.Spheres,
+        scene.PlaneWall,
+        scene.PlaneSegment,
+        law.Elastic,
         numerics.Numerics,
         history.History,
     )
@@ -41,7 +38,6 @@ NOT_SYMBOLS = {
     "Disks": {"rotating"},
     "SphereScene": {"spheres", "walls", "sphere_sphere"},
     "PlaneWall": {"name", "point", "law", "motion"},
-    "SphereLaw": {"regularised"},
     "Spheres": {"rotating"},
 }
 

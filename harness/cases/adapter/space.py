@@ -203,7 +203,7 @@ def twisted(info: EngineInfo, *, spring: bool) -> Probe:
 
     def closed_forms(history: History) -> list[ClosedForm]:
         why = "two steps without the torque"
-        mend = "twisting resists the relative spin about the normal by up to mu R fn (see SphereLaw.twisting); it is no rolling"
+        mend = "twisting resists the relative spin about the normal by up to mu R fn (see ContactLaw.twisting); it is no rolling"
         return [
             ClosedForm(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=spin * UP, bound=bound, why=why, mend=mend),
             ClosedForm(quantity="angle", unit="rad", value=history.angle[-1, 0], expected=turn * UP, bound=bound * end, why=why,

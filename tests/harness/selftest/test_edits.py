@@ -93,7 +93,7 @@ def test_an_edit_changes_one_place(function: str, old: str, new: str, was: str, 
     ],
 )
 def test_what_does_not_fit_once_is_told(function: str, old: str, new: str, said: str) -> None:
-    with pytest.raises(StaleEditError, match=rf"went stale: in ninedisk\.core\.dem\.force_kernels.*{said}"):
+    with pytest.raises(StaleEditError, match=rf"went stale: in ninedisk\.core\.dem\.plane\.force_kernels.*{said}"):
         result(function, old, new)
 
 
