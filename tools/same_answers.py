@@ -4,8 +4,8 @@
     python tools/same_answers.py compare BEFORE.json AFTER.json
 
 Written are, for every case, variant and engine: the SHA-256 of the request as an engine behind a command gets it, what ``supports()``
-answers, and every check (quantity, truth, source, atol, rtol, reason) over a history without numbers; and the JSON schemas. `compare` prints
-what differs and ends with 1; support that grew and schemas with additions are printed, but are no difference.
+answers, and every check (quantity, truth, source, atol, rtol, reason) over a history without numbers; and the JSON schemas. `compare`
+prints what differs and ends with 1; support that grew and schemas with additions are printed, but are no difference.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ LEVELS = ("no", "approximate", "equivalent", "exact")
 
 
 def hashed(value: Any) -> str:
+    """SHA-256 of plain data, whatever the order of its keys."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
 
 
@@ -43,7 +44,7 @@ def written() -> dict[str, Any]:
             rows[name] = {"error": str(engine if isinstance(setup, Setup) else setup)}
             continue
         request = Request(scene=setup.scene, numerics=setup.numerics, watch=tuple(setup.watch), answer_file="answer")
-        row = rows[name] = {"request": hashlib.sha256(encode_request(request).encode()).hexdigest()}
+        row = rows[name] = {"request": hashed(json.loads(encode_request(request)))}
         try:
             support = support_of(engine, setup.scene, setup.numerics)
         except EngineError as error:
@@ -55,7 +56,13 @@ def written() -> dict[str, Any]:
             continue
         observed = cell.case.observe(cell.variant.params, setup, blank_history(setup))
         row["checks"] = {
-            f"{n} {check.quantity} {check.truth}": [check.source, check.atol, check.rtol, check.why, hashed(check.expected)]
+            f"{n} {check.quantity} {check.truth}": [
+                check.source,
+                check.atol,
+                check.rtol,
+                check.why,
+                hashed(check.expected),
+            ]
             for n, check in enumerate(all_checks(cell, setup, observed, engine.info(), None))
         }
     return {"rows": rows, "schemas": {name: json.loads(schema_text(name)) for name in NAMES}}
@@ -100,7 +107,9 @@ if __name__ == "__main__":
     if len(sys.argv) == 3 and sys.argv[1] == "write":
         found = written()
         Path(sys.argv[2]).write_text(json.dumps(found, sort_keys=True, default=str), encoding="utf-8")
-        print(f"{len(found['rows'])} cells, {sum(len(row.get('checks', ())) for row in found['rows'].values())} checks: {sys.argv[2]}")
+        print(
+            f"{len(found['rows'])} cells, {sum(len(row.get('checks', ())) for row in found['rows'].values())} checks: {sys.argv[2]}"
+        )
     elif len(sys.argv) == 4 and sys.argv[1] == "compare":
         wrong, more = differences(*(json.loads(Path(each).read_text(encoding="utf-8")) for each in sys.argv[2:]))
         print("\n".join([*more, *wrong, f"{len(wrong)} differences, {len(more)} additions"]))
