@@ -15,7 +15,15 @@ from math import sqrt
 import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel
-from ninedisk.core.dem.space.law_kernels import contact, law_of, resistance, resistance_losses, shear_losses, touch_of
+from ninedisk.core.dem.space.law_kernels import (
+    compliance,
+    contact,
+    law_of,
+    resistance,
+    resistance_losses,
+    shear_losses,
+    touch_of,
+)
 from ninedisk.core.dem.space.plane_kernels import above, at_rest, plane_velocity
 from ninedisk.core.dem.space.registers import blend
 from ninedisk.core.dem.space.scratch_kernels import (
@@ -69,15 +77,22 @@ from ninedisk.core.dem.space.state import (
     FORCE,
     FRICTION,
     HERTZ,
+    KS,
     MEMORY_WIDTH,
     MIDDLE,
     NECK,
     NOTES_WIDTH_STICKY,
     OF_LAW,
+    ROLL,
     ROLLED_ON,
+    ROLLING,
     ROLLING_DASHPOT,
+    SHEAR,
     SLIP_MID,
+    SPRING,
     STICKS,
+    TWIST,
+    TWISTING,
     UNLOADING,
     Contacts,
     Desk,
@@ -185,6 +200,45 @@ def losses_of_chunk(
 
 
 @inline_kernel
+def end_of_contact(contacts: Contacts, laws: Floats, losses: Losses, stripe: int, k: np.uint64) -> None:
+    """Count the energy that the springs of a listed pair which has opened have left [J]; they have it no more.
+
+    The shear spring of Hertz' law has none: its stiffness vanishes with the overlap.
+    """
+    law, memory = laws[contacts.law[k]], contacts.memory
+    if law[HERTZ] == 0.0:
+        left = 0.0
+        for c in range(3):
+            left += memory[k, SHEAR + c] ** 2
+            memory[k, SHEAR + c] = 0.0
+        losses.contacts[stripe, FRICTION] += 0.5 * left * compliance(law[KS])
+    if memory.shape[1] > MEMORY_WIDTH:
+        left = 0.0
+        for c in range(3):
+            left += memory[k, ROLLING + c] ** 2
+            memory[k, ROLLING + c] = 0.0
+        twisted = memory[k, TWISTING]
+        memory[k, TWISTING] = 0.0
+        if law[ROLL] == SPRING:
+            losses.contacts[stripe, ROLLED_ON] += 0.5 * left * compliance(law[ROLL + 2])
+        if law[TWIST] == SPRING:
+            losses.contacts[stripe, ROLLED_ON] += 0.5 * twisted * twisted * compliance(law[TWIST + 2])
+
+
+@inline_kernel
+def end_of_contacts(
+    state: State, pairs: Contacts, laws: Floats, losses: Losses, stripe: int, begin: np.uint64, end: np.uint64
+) -> None:
+    """`end_of_contact` of the listed pairs ``begin .. end-1`` that do not touch."""
+    x, radius = state.x, state.radius
+    for k in range(begin, end):
+        i, j = np.uint64(pairs.row[k]), np.uint64(pairs.other[k])
+        d, reach = plus(xyz(x, j), -1.0, xyz(x, i)), radius[i] + radius[j]
+        if dot(d, d) >= reach * reach:
+            end_of_contact(pairs, laws, losses, stripe, k)
+
+
+@inline_kernel
 def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
     """No force of the listed pairs ``begin .. end-1``, until it is found."""
     for k in range(begin, end):
@@ -253,6 +307,8 @@ def forces_of_spheres(
     first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
     if step.keep:
         clear_kept(pairs, first, end_of_list)
+    if losses is not None:
+        end_of_contacts(state, pairs, laws, losses, desk.slot % losses.contacts.shape[0], first, end_of_list)
     k = first
     while k < end_of_list:
         if sticky:
@@ -408,6 +464,8 @@ def forces_of_planes(
             elif touches:
                 picked[count] = k
                 count += np.uint64(1)
+            elif losses is not None:
+                end_of_contact(contacts, laws, losses, slot % losses.contacts.shape[0], k)
             k += np.uint64(1)
         memories_to_columns(scratch, resisted, count)
         if losses is not None:
