@@ -71,6 +71,13 @@ def read_checkpoint(path: str | os.PathLike[str], kind: type[Kind]) -> tuple[Kin
         raise InvalidSceneError(f"{path} is no checkpoint of a DEM run: {error}") from error
     if not known:
         raise InvalidSceneError(f"{path} has the checkpoint format {head['format']}; this version reads {FORMAT}")
+    scene = head.get("scene")
+    dimension = scene.get("dimension", 2) if isinstance(scene, dict) else kind.dimension
+    if dimension != kind.dimension:
+        session = "DemSession" if dimension == 2 else "SphereSession"
+        raise InvalidSceneError(
+            f"{path} is a checkpoint of a scene in {dimension}D, not in {kind.dimension}D: load it by {session}.load"
+        )
     return kind.from_dict(head["scene"]), Numerics.from_dict(head["numerics"]), arrays
 
 

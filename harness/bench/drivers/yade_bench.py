@@ -45,7 +45,7 @@ from yade import (
     ViscElMat,
 )
 from yade.utils import box, sphere
-from yade_parts import DISK_MASK, WALL_MASK, WALLS_APART, WallBox
+from yade_parts import DISK_MASK, WALL_MASK, WALLS_APART, WallBox2D
 
 FAR = 1e6
 """Half-length of a wall's box in units of the scene's size: only its face counts."""
@@ -82,7 +82,7 @@ def build(request):
             plane(wall, middle, widest, size, own)
             continue
         row = np.array([*wall["point"], *wall["normal"], *wall["point"], 0.0, 0.0, 0.0])
-        WallBox(row, middle, widest, size, own)
+        WallBox2D(row, middle, widest, size, own)
     for i in range(len(x)):
         own = material(request["law"], DISK, float(mass[i]))
         body = sphere((*x[i].tolist(), 0.0)[:3], float(radius[i]), material=own)

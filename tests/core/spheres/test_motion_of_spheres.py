@@ -127,7 +127,7 @@ def test_pieces_and_a_checkpoint_leave_every_bit(law: dict[str, Any], tmp_path: 
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     for name, values in whole.energy.items():
         np.testing.assert_array_equal(again.energy[name], values)
-    with pytest.raises(InvalidSceneError, match="wrong form"):
+    with pytest.raises(InvalidSceneError, match="a scene in 3D, not in 2D"):
         DemSession.load(tmp_path / "half.npz")
 
 
