@@ -97,6 +97,7 @@ from ninedisk.core.dem.space.state import (
     Contacts,
     Desk,
     Floats,
+    Index,
     Losses,
     Planes,
     State,
@@ -200,7 +201,7 @@ def losses_of_chunk(
 
 
 @inline_kernel
-def end_of_contact(contacts: Contacts, laws: Floats, losses: Losses, stripe: int, k: np.uint64) -> None:
+def end_of_contact(contacts: Contacts, laws: Floats, losses: Losses, stripe: int, k: Index) -> None:
     """Count the energy that the springs of a listed pair which has opened have left [J]; they have it no more.
 
     The shear spring of Hertz' law has none: its stiffness vanishes with the overlap.
