@@ -121,7 +121,7 @@ def test_a_caught_defect_is_fine_a_known_hole_is_excused_and_a_closed_one_is_tol
 @pytest.mark.usefixtures("own_gallery")
 def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_told(here: Path) -> None:
     done = ninedisk("--only", "harmless", "--only", "crash", "--quick", "--html", "page.html")
-    assert done.exit_code == 1
+    assert done.exit_code == 1, done.output
     assert "missed: dem/harmless" in done.output
     assert "ended with status 7" in done.output
     assert "go unnoticed:</b> dem/harmless" in (here / "page.html").read_text()
