@@ -350,7 +350,7 @@ class SphereRun(EsysRun):
         return spent + time.perf_counter() - begin
 
     def _move_walls(self, step):
-        """Walls look for spheres where spheres move only: before one may come near unseen they are told to."""
+        """Walls look for spheres where spheres move only: before one may come near unseen they must look again."""
         for w, (here, there) in enumerate(zip(self.path[step - 1], self.path[step], strict=True)):
             displacement, turn = there[0:3] - here[0:3], there[3:6] - here[3:6]
             if displacement.any():
@@ -362,10 +362,10 @@ class SphereRun(EsysRun):
             self.engine.moveTaggedParticlesBy(len(self.first) + 1, vector(np.zeros(3)))
             self.moved = 0.0
 
-    def _step(self, told):
-        """One step; where it is to be told, the force on each sphere [N], gravity included, and ``{(i, j): shear force on i}``."""
+    def _step(self, sampled):
+        """One step; if it is sampled, the force on each sphere [N], gravity included, and ``{(i, j): shear force on i}``."""
         self.steps_done += 1
-        if not told:
+        if not sampled:
             self.engine.runTimeStep()
             return None
         at = self.steps_done
@@ -411,8 +411,8 @@ class SphereRun(EsysRun):
                 push[body, :, c] -= sign * normal
                 rest[body] -= sign * shear.get((i, j), np.zeros(3))
         # Fixed spheres push each other, too, which nobody feels.
-        told = np.append(~self.fixed, np.ones(len(self.walls), dtype=bool))
-        along = self._along(push[told].reshape(3 * int(told.sum()), len(near)), rest[told].reshape(-1), force, step)
+        free = np.append(~self.fixed, np.ones(len(self.walls), dtype=bool))
+        along = self._along(push[free].reshape(3 * int(free.sum()), len(near)), rest[free].reshape(-1), force, step)
         found = {}
         for (i, j, normal), fn in zip(near, along, strict=True):
             sheared = shear.get((i, j), np.zeros(3))  # not quite at right angles to the normal

@@ -104,7 +104,7 @@ class WallBox2D(WallBox):
 
 
 class WallBox3D(WallBox):
-    """A wall of 3D. Its box does not turn about its own normal, only its velocity tells of such a spin."""
+    """A wall of 3D. Its box does not turn about its own normal: only its velocity has such a spin."""
 
     def begin(self, row):  # noqa: ARG002
         self.placed = b""

@@ -182,6 +182,16 @@ def _ratchet(rule: Any, dt: float) -> float:
     return float(np.linalg.norm(history.fs[-1, 0]) / history.fn.max())
 
 
+def facing(room: float) -> SphereScene:
+    """A floor and a roof that face each other, and no sphere."""
+    law = SphereLaw(kn=1.0)
+    walls = tuple(
+        PlaneWall(name=name, point=(0, 0, z), normal=(0, 0, up), law=law)
+        for name, z, up in (("floor", 0.0, 1.0), ("roof", room, -1.0))
+    )
+    return SphereScene(spheres=Spheres(x=np.zeros((0, 3)), radius=1.0, mass=1.0), sphere_sphere=law, walls=walls)
+
+
 def test_scenes_and_laws_survive_json() -> None:
     turns = PlaneSegment(angular_velocity=(0, 0, 3), pivot=(0.1, 0, 0), amplitude=(0.1, 0, 0), frequency=2.0)
     scene = box(replace(LINEAR, rolling=SPRING, twisting=CONSTANT), motion=(turns,))
@@ -196,6 +206,7 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: SphereLaw(kn=1.0, g_star=1.0), "g_star = 1 is not allowed in the linear law"),
         (lambda: SphereLaw(e_star=1.0, ks=1.0), "ks = 1 is not allowed in the Hertz-Mindlin law"),
         (lambda: box(SphereLaw(kn=1.0, rolling=Rolling(model="viscous", mu=0.1))), "rolling model 'viscous' is not allowed in 3D"),
+        (lambda: facing(room=-0.1), "walls 'floor' and 'roof' overlap"),
         (lambda: box(SphereLaw(kn=1.0, cohesion=0.1)), "cohesion = 0.1 is not allowed in 3D, which does not have it"),
         (lambda: Elastic(E=1.0, nu=0.6), r"nu = 0.6 is not allowed: it must be a number in \[0, 0.5\]"),
         (lambda: Spheres(x=[[0, 0]], radius=1.0, mass=1.0), r"spheres.x has shape \(1, 2\); it must have shape \(n, 3\)"),
