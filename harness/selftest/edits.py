@@ -12,6 +12,7 @@ import copy
 import importlib.util
 import sys
 import textwrap
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -68,6 +69,10 @@ class Edit:
         return f"{self.name}.{self.function}".rstrip(".")
 
 
+_ONE_PARSER = threading.Lock()
+"""CPython 3.11 counts the depth of a syntax tree once for all threads: two that parse at a time end with a `SystemError`."""
+
+
 def edited(source: str, edits: Sequence[Edit]) -> ast.Module:
     """The syntax tree of one module after its edits, made one after the other.
 
@@ -77,9 +82,10 @@ def edited(source: str, edits: Sequence[Edit]) -> ast.Module:
         If there is no such function, if what is to be replaced does not occur exactly once, if replacing it changes nothing, or if the
         replacement has a name that is unknown there.
     """
-    tree = ast.parse(source)
-    for edit in edits:
-        _apply(tree, edit)
+    with _ONE_PARSER:
+        tree = ast.parse(source)
+        for edit in edits:
+            _apply(tree, edit)
     return tree
 
 

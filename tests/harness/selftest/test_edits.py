@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import ast
+import gc
 import importlib.util
 import pickle
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -133,6 +136,36 @@ def test_edits_are_made_one_after_the_other() -> None:
     assert ast.unparse(edited(SOURCE, [first, then])) == plain(SOURCE.replace("- (ks * slip)", "+ ks"))
     with pytest.raises(StaleEditError, match="occurs 0 times"):
         edited(SOURCE, [then, first])
+
+
+class _Litter:
+    """Garbage that lets another thread run while it is collected."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+    def __del__(self) -> None:
+        time.sleep(1e-4)
+
+
+def test_threads_may_edit_at_the_same_time() -> None:
+    source = SOURCE * 40
+    change = Edit("m", "", "LIMIT = 2_000", "LIMIT = 1\n" * 2)
+
+    def parse(_: int) -> int:
+        for _ in range(5):
+            _Litter()
+        with pytest.raises(StaleEditError, match="occurs 40 times"):
+            edited(source, [change])
+        return 1
+
+    before = gc.get_threshold()
+    gc.set_threshold(50)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            assert sum(pool.map(parse, range(40))) == 40
+    finally:
+        gc.set_threshold(*before)
 
 
 def test_what_is_new_has_the_line_of_what_was_there() -> None:
