@@ -158,14 +158,15 @@ def rebound_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> 
     dt = setup.numerics.contact_dt or setup.numerics.dt
     errors = np.array(scheme_errors(contact, dt, lagged=not engine.second_order_dashpots))
     phase = contact.speed * dt / contact.elastic.overlap
-    atol = MARGIN * errors + np.max([*off], axis=0)
+    doubt: FloatArray = np.array([*off]).max(axis=0)
+    atol = MARGIN * errors + doubt
     why = (
         f"{MARGIN:g} times what central differences themselves err by, touching anywhere in a step: v dt/overlap = {phase:.3g}; "
         f"uncertainty of the truth{single_precision(engine)}"
     )
     source = "Hertz-Mindlin law integrated to 1e-12"
     return rebound_within(contact, truth, atol, engine, setup, truth_kind="converged", source=source, why=why,
-                          uncertainty=np.max([*off], axis=0))  # fmt: skip
+                          uncertainty=doubt)  # fmt: skip
 
 
 def rebound_within(
