@@ -197,7 +197,7 @@ class ContactLaw:
     cohesion : float
         Linear cohesion [N/m], >= 0 and below ``kn``: overlapping bodies attract each other by ``cohesion`` times the overlap, so that
         ``fn = (kn - cohesion) overlap`` and the dashpot, which then may pull as well. Friction and rolling resistance see the repulsive
-        part, ``fn + cohesion overlap``, where that is positive. 2D only.
+        part, ``fn + cohesion overlap``, where that is positive. Linear law only.
     adhesion : float
         Pull [N], >= 0, that a closed contact takes before it opens, ``fn >= -adhesion``, for rigid contacts; friction and rolling
         resistance see ``fn + adhesion``. 2D only.
@@ -335,7 +335,7 @@ SphereLaw = ContactLaw
 """The name that a law in 3D had; both are one class."""
 
 ONLY_IN: dict[int, tuple[str, ...]] = {
-    2: ("wall_velocity_at", "contact", "cohesion", "adhesion"),
+    2: ("wall_velocity_at", "contact", "adhesion"),
     3: ("e_star", "g_star", "unloading", "twisting", "surface_energy", "surface", "friction_pull"),
 }
 """What a law may have in scenes of one dimension only."""

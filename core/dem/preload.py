@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray
@@ -9,7 +11,7 @@ from ninedisk.core.dem.state import COUNT, MIDDLE_A, DiskArrays, NeighbourList, 
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import Pair
 from ninedisk.core.nurbs.intersect import NurbsGrains
-from ninedisk.core.scene import Scene
+from ninedisk.core.scene import AnyScene, Scene
 
 
 def enter_preload(scene: Scene, disks: DiskArrays, pairs: NeighbourList, wall_pairs: NeighbourList) -> None:
@@ -71,32 +73,35 @@ def _arc(start: float, end: float, ring: int) -> tuple[float, float]:
     return (start + 0.5 * length) % ring, length
 
 
-def check_preload(scene: Scene, i: int, j: int, force: float, apart: FloatArray | None) -> None:
-    """Raise `InvalidSceneError` unless disk i and body j, a disk ``apart`` [m] or a wall, touch and their contact is rough."""
-    x, n = scene.disks.x, len(scene.disks)
+def check_preload(scene: AnyScene, i: int, j: int, force: Any, apart: FloatArray | None) -> None:
+    """Raise `InvalidSceneError` unless bodies i and j, ``apart`` [m] or j a wall (None), touch and their contact is rough."""
+    x, radius, n = scene.bodies.x, scene.bodies.radius, len(scene.bodies)
     if apart is not None:
-        gap = float(np.hypot(*apart) - scene.disks.radius[i] - scene.disks.radius[j])
+        gap = float(np.linalg.norm(apart) - radius[i] - radius[j])
     else:
         wall = scene.walls[j - n]
-        gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - scene.disks.radius[i])
-    names = f"{scene.body_name(i)} and {scene.body_name(j)}"
+        gap = float((x[i] - np.array(wall.point)) @ np.array(wall.normal) - radius[i])
     if gap >= 0.0:
         raise InvalidSceneError(
-            f"the initial shear force {force:g} N belongs to {names}, which do not touch (gap {gap:g} m): give them an "
-            f"overlap or drop the entry"
+            f"the initial shear force {_shown(force)} N belongs to {scene.body_name(i)} and {scene.body_name(j)}, which do not touch "
+            f"(gap {gap:g} m): give them an overlap or drop the entry"
         )
     check_rough(scene, i, j, force)
 
 
-def check_rough(scene: Scene, i: int, j: int, force: float) -> None:
-    """Raise `InvalidSceneError` if the contact of disk i and body j is smooth and the force is not 0."""
-    names = f"{scene.body_name(i)} and {scene.body_name(j)}"
+def check_rough(scene: AnyScene, i: int, j: int, force: Any) -> None:
+    """Raise `InvalidSceneError` if the contact of bodies i and j is smooth and the force is not 0."""
     law = scene.law((i, j))
-    if force != 0.0 and (law.mu == 0.0 or law.ks == 0.0):
+    name, stiffness = ("g_star", law.g_star) if law.hertz else ("ks", law.ks)
+    if np.any(force) and (law.mu == 0.0 or stiffness == 0.0):
         raise InvalidSceneError(
-            f"the initial shear force {force:g} N belongs to {names}, whose contact is smooth (mu = {law.mu:g}, "
-            f"ks = {law.ks:g}): give it mu > 0 and ks > 0 or drop the entry"
+            f"the initial shear force {_shown(force)} N belongs to {scene.body_name(i)} and {scene.body_name(j)}, whose contact is smooth "
+            f"(mu = {law.mu:g}, {name} = {stiffness:g}): give it mu > 0 and {name} > 0 or drop the entry"
         )
+
+
+def _shown(force: Any) -> str:
+    return f"({', '.join(f'{each:g}' for each in force)})" if isinstance(force, tuple) else f"{force:g}"
 
 
 def _enter(pairs: NeighbourList, row: int, other: int, force: float) -> None:

@@ -16,7 +16,7 @@ Conventions (see ``docs/reference/notation.md``)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ninedisk.core.array_types import FloatArray
@@ -27,8 +27,8 @@ from ninedisk.core.scene.bodies import Bodies, Disks, Spheres
 from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.loads import BodyForce
 from ninedisk.core.scene.outlines import check_outlines, outlines_from, plain_outline
-from ninedisk.core.scene.walls import AnyWall, PlaneSegment, PlaneWall, Wall, WallSegment, endless, plain
-from ninedisk.core.validate import all_of_kind, at_least, finite, kind_of, whole
+from ninedisk.core.scene.walls import AnyWall, PlaneSegment, PlaneWall, Wall, WallSegment
+from ninedisk.core.validate import kind_of
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve
@@ -64,18 +64,12 @@ class Scene(AnyScene):
     Parameters
     ----------
     disks : Disks
-    walls, gravity, laws
+    walls, gravity, laws, xi, initial_shear, forces
         As in `AnyScene`, with d = 2.
     disk_disk : ContactLaw
         Law of every contact between two disks, where ``laws`` has none for their materials.
-    xi : float
-        Global damping [1/s], >= 0: the equation of motion is ``m a + xi m v = F``, and likewise for spins.
-    initial_shear : mapping from pair to float
-        Shear forces ``fs`` [N] that contacts carry at time 0 (preload); more than ``mu fn`` is cut off to that.
     outlines : sequence of NurbsCurve
         Boundaries that ``disks.outline`` refers to, each in the body's frame: centroid at the origin, at angle 0.
-    forces : sequence of BodyForce
-        Forces and torques on single disks, beside gravity.
     cell : Cell or None
         Periodic cell; a scene that has one has no walls.
 
@@ -89,10 +83,7 @@ class Scene(AnyScene):
     disk_disk: ContactLaw
     walls: tuple[Wall, ...] = ()
     gravity: tuple[float, float] = (0.0, 0.0)
-    xi: float = 0.0
-    initial_shear: Mapping[tuple[int, int], float] = field(default_factory=dict)
     outlines: tuple[NurbsCurve, ...] = ()
-    forces: tuple[BodyForce, ...] = ()
     cell: Cell | None = None
 
     dimension: ClassVar[int] = 2
@@ -102,15 +93,7 @@ class Scene(AnyScene):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "xi", at_least("xi", self.xi, 0.0))
         object.__setattr__(self, "outlines", check_outlines(self.outlines, self.disks))
-        shear = {}
-        for pair, force in kind_of("initial_shear", self.initial_shear, Mapping).items():  # type: ignore[type-abstract]
-            shear[self.check_pair(pair)] = float(finite(f"initial shear of {pair}", force, ()))
-        object.__setattr__(self, "initial_shear", shear)
-        object.__setattr__(self, "forces", all_of_kind("forces", self.forces, BodyForce))
-        for force in self.forces:
-            whole("force on disk", force.disk, 0, len(self.disks) - 1, error=InvalidSceneError)
         if self.cell is not None:
             kind_of("cell", self.cell, Cell)
             if self.walls:
@@ -121,12 +104,8 @@ class Scene(AnyScene):
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, see `AnyScene.to_dict`."""
         data = super().to_dict()
-        data["xi"] = self.xi
-        data["initial_shear"] = [[i, j, force] for (i, j), force in self.initial_shear.items()]
         if self.outlines:
             data["outlines"] = [plain_outline(curve) for curve in self.outlines]
-        if self.forces:
-            data["forces"] = [plain(force) for force in self.forces]
         if self.cell is not None:
             data["cell"] = {"size": list(self.cell.size), "rate": [list(row) for row in self.cell.rate]}
         return data
@@ -135,10 +114,7 @@ class Scene(AnyScene):
     def _fields_of(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         return {
             **super()._fields_of(data),
-            "xi": data["xi"],
-            "initial_shear": {(i, j): force for i, j, force in data["initial_shear"]},
             "outlines": outlines_from(data.get("outlines", ())),
-            "forces": tuple(BodyForce(**endless(force, "end")) for force in data.get("forces", ())),
             "cell": Cell(**data["cell"]) if "cell" in data else None,
         }
 
@@ -152,7 +128,7 @@ class SphereScene(AnyScene):
     spheres : Spheres
     sphere_sphere : ContactLaw
         Law of every contact between two spheres, where ``laws`` has none for their materials.
-    walls, gravity, laws
+    walls, gravity, laws, xi, initial_shear, forces
         As in `AnyScene`, with d = 3.
 
     Raises

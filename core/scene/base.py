@@ -11,8 +11,9 @@ import numpy as np
 from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.scene.bodies import Bodies
-from ninedisk.core.scene.walls import AnyWall
-from ninedisk.core.validate import all_of_kind, body_numbers, finite, items_of, kind_of, shown, whole
+from ninedisk.core.scene.loads import BodyForce
+from ninedisk.core.scene.walls import AnyWall, endless, plain
+from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, shown, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +31,13 @@ class AnyScene:
     laws : mapping from pair of names to ContactLaw
         Laws of contacts between two materials (`Bodies.material`, `AnyWall.material`), in either order; other contacts obey the law
         between bodies or the wall's own.
+    xi : float
+        Global damping [1/s], >= 0: the equation of motion is ``m a + xi m v = F``, and likewise for spins.
+    initial_shear : mapping from pair to float, or to three floats
+        Shear forces ``fs`` [N] that contacts carry at time 0 (preload); more than ``mu fn`` is cut off to that. In 3D they are vectors
+        at right angles to the contact's normal.
+    forces : sequence of BodyForce
+        Forces and torques on single bodies, beside gravity.
 
     Raises
     ------
@@ -40,6 +48,9 @@ class AnyScene:
     walls: tuple[Any, ...] = ()
     gravity: Any
     laws: Mapping[tuple[str, str], ContactLaw] = field(default_factory=dict)
+    xi: float = 0.0
+    initial_shear: Mapping[tuple[int, int], Any] = field(default_factory=dict)
+    forces: tuple[BodyForce, ...] = ()
 
     dimension: ClassVar[int]
     kind_of_bodies: ClassVar[type[Bodies]]
@@ -58,6 +69,23 @@ class AnyScene:
         self.law_of_bodies.check_dimension(self._names()[1], self.dimension)
         for pair, law in self.laws.items():
             law.check_dimension(f"law of {pair}", self.dimension)
+        object.__setattr__(self, "xi", at_least("xi", self.xi, 0.0))
+        shear = {}
+        for pair, force in kind_of("initial_shear", self.initial_shear, Mapping).items():  # type: ignore[type-abstract]
+            shear[self.check_pair(pair)] = self._checked_shear(f"initial shear of {pair}", force)
+        object.__setattr__(self, "initial_shear", shear)
+        object.__setattr__(self, "forces", all_of_kind("forces", self.forces, BodyForce))
+        for load in self.forces:
+            whole(f"force on {self.noun}", load.disk, 0, len(self.bodies) - 1, error=InvalidSceneError)
+            if load.dimension != self.dimension:
+                raise InvalidSceneError(
+                    f"force on {self.noun} {load.disk} = {shown(load.force)} is not allowed: it must have {self.dimension} components"
+                )
+
+    def _checked_shear(self, name: str, force: Any) -> float | tuple[float, ...]:
+        if self.dimension == 2:
+            return float(finite(name, force, ()))
+        return tuple(map(float, finite(name, force, (3,))))
 
     @classmethod
     def _names(cls) -> tuple[str, str]:
@@ -91,6 +119,12 @@ class AnyScene:
             law: ContactLaw.from_dict(data[law]),
             "gravity": data["gravity"],
             "laws": {(one, two): ContactLaw.from_dict(law) for one, two, law in data.get("laws", ())},
+            "xi": data["xi"] if cls.dimension == 2 else data.get("xi", 0.0),
+            "initial_shear": {
+                (i, j): force
+                for i, j, force in (data["initial_shear"] if cls.dimension == 2 else data.get("initial_shear", ()))
+            },
+            "forces": tuple(BodyForce(**endless(force, "end")) for force in data.get("forces", ())),
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,6 +143,14 @@ class AnyScene:
         }
         if self.laws:
             data["laws"] = [[*pair, law.to_dict(self.dimension)] for pair, law in self.laws.items()]
+        if self.dimension == 2 or self.xi > 0.0:
+            data["xi"] = self.xi
+        if self.dimension == 2 or self.initial_shear:
+            data["initial_shear"] = [
+                [i, j, force if self.dimension == 2 else list(force)] for (i, j), force in self.initial_shear.items()
+            ]
+        if self.forces:
+            data["forces"] = [plain(load) for load in self.forces]
         return data
 
     @classmethod

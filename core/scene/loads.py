@@ -1,9 +1,10 @@
-"""Forces and torques that act on single disks."""
+"""Forces and torques that act on single bodies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.validate import LARGEST, at_least, finite, real, shown, whole
@@ -11,7 +12,7 @@ from ninedisk.core.validate import LARGEST, at_least, finite, real, shown, whole
 
 @dataclass(frozen=True, kw_only=True)
 class BodyForce:
-    """A force through the centre of a disk and a torque on it, constant between two times; several on one disk add up.
+    """A force through the centre of a body and a torque on it, constant between two times; several on one body add up.
 
     The impulse of a step is exact wherever in it the force begins or ends: a step gets the mean over its own time, which is from
     ``t_n - dt/2`` to ``t_n + dt/2`` where velocities are those of half steps (the first one: from 0 to ``dt/2``). A step of the
@@ -20,11 +21,11 @@ class BodyForce:
     Parameters
     ----------
     disk : int
-        Number of the disk.
-    force : (float, float)
-        [N].
-    torque : float
-        [N m], counter-clockwise positive.
+        Number of the disk or sphere.
+    force : (float, float) or (float, float, float)
+        [N]; three components in 3D.
+    torque : float or (float, float, float)
+        [N m], counter-clockwise positive; three components in 3D.
     begin, end : float
         Times [s] with ``0 <= begin < end``; ``end`` may be infinite.
 
@@ -35,16 +36,24 @@ class BodyForce:
     """
 
     disk: int
-    force: tuple[float, float] = (0.0, 0.0)
-    torque: float = 0.0
+    force: tuple[float, ...] = (0.0, 0.0)
+    torque: float | tuple[float, ...] = 0.0
     begin: float = 0.0
     end: float = inf
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "disk", whole("force on disk", self.disk, 0, 2**31 - 1, error=InvalidSceneError))
-        force = finite("force on a disk", self.force, (2,), most=LARGEST)
-        object.__setattr__(self, "force", (float(force[0]), float(force[1])))
-        object.__setattr__(self, "torque", float(finite("torque on a disk", self.torque, (), most=LARGEST)))
+        force: Any = self.force
+        torque: Any = self.torque
+        solid = _is_vector(torque) or (_is_vector(force) and len(force) == 3)
+        if solid and isinstance(force, tuple) and force == (0.0, 0.0):
+            force = (0.0, 0.0, 0.0)
+        if solid and real(torque) == 0.0:
+            torque = (0.0, 0.0, 0.0)
+        force = finite("force on a disk", force, (3,) if solid else (2,), most=LARGEST)
+        torque = finite("torque on a disk", torque, (3,) if solid else (), most=LARGEST)
+        object.__setattr__(self, "force", tuple(map(float, force)))
+        object.__setattr__(self, "torque", tuple(map(float, torque)) if solid else float(torque))
         object.__setattr__(self, "begin", at_least("begin of a force", self.begin, 0.0))
         end = real(self.end)
         if not end > self.begin:
@@ -52,3 +61,12 @@ class BodyForce:
                 f"end of a force = {shown(self.end)} is not allowed: it must be a time after its begin, {self.begin:g} s, or inf"
             )
         object.__setattr__(self, "end", end)
+
+    @property
+    def dimension(self) -> int:
+        """Of the scenes that it can be part of, 2 or 3."""
+        return len(self.force)
+
+
+def _is_vector(value: Any) -> bool:
+    return hasattr(value, "__len__") and getattr(value, "ndim", 1) == 1 and not isinstance(value, str)

@@ -58,6 +58,11 @@ class Capability(StrEnum):
     TWISTING_SPRING = "resistance to twisting by a spring with a cap"
     SURFACE_DMT = "pull-off of Derjaguin, Muller and Toporov"
     SURFACE_JKR = "adhesive contact of Johnson, Kendall and Roberts"
+    GLOBAL_DAMPING_CENTRAL_3D = "global damping xi of spheres, central form"
+    GLOBAL_DAMPING_LAGGED_3D = "global damping xi of spheres, lagged form"
+    PRELOAD_3D = "shear forces that contacts of spheres carry from the start"
+    BODY_FORCES_3D = "forces and torques on single spheres, by segments of time"
+    COHESION_3D = "linear cohesion of spheres beside the normal spring"
 
 
 def wire_name(capability: Capability) -> str:
@@ -126,14 +131,27 @@ UNLOADING: Mapping[Unloading, Capability] = {
 }
 """What the shear spring of Hertz-Mindlin asks of an engine."""
 
-SPACE = frozenset(UNLOADING.values()) | {
-    Capability.SPHERES,
-    Capability.HERTZ_MINDLIN,
-    Capability.TWISTING_CONSTANT,
-    Capability.TWISTING_SPRING,
-    Capability.SURFACE_DMT,
-    Capability.SURFACE_JKR,
+IN_3D: Mapping[Capability, Capability] = {
+    Capability.GLOBAL_DAMPING_CENTRAL: Capability.GLOBAL_DAMPING_CENTRAL_3D,
+    Capability.GLOBAL_DAMPING_LAGGED: Capability.GLOBAL_DAMPING_LAGGED_3D,
+    Capability.PRELOAD: Capability.PRELOAD_3D,
+    Capability.BODY_FORCES: Capability.BODY_FORCES_3D,
+    Capability.COHESION: Capability.COHESION_3D,
 }
+"""What a scene in 3D asks for instead: an engine that has these in 2D need not have them in 3D."""
+
+SPACE = (
+    frozenset(UNLOADING.values())
+    | frozenset(IN_3D.values())
+    | {
+        Capability.SPHERES,
+        Capability.HERTZ_MINDLIN,
+        Capability.TWISTING_CONSTANT,
+        Capability.TWISTING_SPRING,
+        Capability.SURFACE_DMT,
+        Capability.SURFACE_JKR,
+    }
+)
 """What only engines of spheres have."""
 
 
@@ -196,23 +214,25 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
         need.add(Capability.ENERGY_BUDGET)
     if numerics.regime == "quasi-static":
         need.add(Capability.QUASI_STATIC)
-    return frozenset(need | _needed_in_2d(scene, numerics) if isinstance(scene, Scene) else need)
-
-
-def _needed_in_2d(scene: Scene, numerics: Numerics) -> set[Capability]:
-    """What only scenes in 2D can ask for."""
-    need = set()
     if scene.xi > 0.0:
         central = numerics.damping_form == "central"
         need.add(Capability.GLOBAL_DAMPING_CENTRAL if central else Capability.GLOBAL_DAMPING_LAGGED)
-    if (scene.disks.outline >= 0).any():
-        need.add(Capability.OUTLINES)
     if scene.forces:
         need.add(Capability.BODY_FORCES)
+    if any(np.any(force) for force in scene.initial_shear.values()):
+        need.add(Capability.PRELOAD)
+    if isinstance(scene, Scene):
+        return frozenset(need | _needed_in_2d(scene))
+    return frozenset(IN_3D.get(each, each) for each in need)
+
+
+def _needed_in_2d(scene: Scene) -> set[Capability]:
+    """What only scenes in 2D can ask for."""
+    need = set()
+    if (scene.disks.outline >= 0).any():
+        need.add(Capability.OUTLINES)
     if scene.cell is not None:
         need.add(Capability.PERIODIC_CELL)
-    if any(scene.initial_shear.values()):
-        need.add(Capability.PRELOAD)
     if scene.disks.rotating.any() and any(law.mu > 0.0 for law in scene.laws_in_use):
         need.add(Capability.DISK_INERTIA)
     return need

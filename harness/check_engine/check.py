@@ -9,8 +9,9 @@ from functools import partial
 from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.cases.adapter.probe_of import probe_in_space, probe_of
 from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
-from ninedisk.harness.cases.adapter.space import probe_in_space, probe_of, spheres
+from ninedisk.harness.cases.adapter.space import spheres
 from ninedisk.harness.cases.adapter.unequal import unequal_probes, unequal_spheres
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome

@@ -7,6 +7,7 @@ from functools import partial
 
 from ninedisk.harness.selftest.defect import planted
 
+LOADS = "dem.loads_kernels"
 FORCES, KICK, STEP = "dem.plane.force_kernels", "dem.plane.kick_kernels", "dem.plane.step_kernels"
 SEARCH, MOTION, IMAGES = "dem.plane.neighbour_kernels", "scene.motion_kernels", "dem.plane.image_kernels"
 
@@ -156,8 +157,8 @@ OPTIONS = (
     _kernel("material-of-the-first", "all disks have the first material at walls", "materials",
             (FORCES, "law_at_wall", "laws.material[disks.name[i]]", "0 * disks.name[i]")),
     _kernel("force-at-the-instant", "forces on disks are those at the step's time, not their mean over it", "forces",
-            (STEP, "share_of_kick", "float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))",
-             "1.0 if loads.time[k, 0] <= n * dt < loads.time[k, 1] else 0.0")),
+            (LOADS, "share_of_kick", "float(max(min(time[1], last) - max(time[0], first), 0.0) / (last - first))",
+             "1.0 if time[0] <= n * dt < time[1] else 0.0")),
     _kernel("rolling-uncapped", "rolling springs at walls never yield", "resist-spring",
             (FORCES, "wall_bending", "min(max(before + law[KR] * (slip_dt * turn), -limit), limit)",
              "before + law[KR] * (slip_dt * turn)")),

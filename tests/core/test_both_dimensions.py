@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core import (
+    BodyForce,
     ContactLaw,
     Disks,
     History,
@@ -33,6 +34,20 @@ LAWS: dict[str, dict[str, Any]] = {
     "arm R - overlap/2 of the torque": {"lever_arm": "torque-overlap"},
     "constant rolling resistance": {"rolling": Rolling(model="constant", mu=0.05)},
     "rolling spring": {"rolling": SPRING},
+    "cohesion": {"cohesion": 2.5e3, "beta": 0.1, "lever_arm": "overlap"},
+    "cohesion and rolling": {"cohesion": 2.5e3, "rolling": SPRING},
+}
+DAMPED: dict[str, dict[str, Any]] = {
+    "central damping": {"xi": 8.0},
+    "lagged damping": {"xi": 8.0, "damping_form": "lagged"},
+    "central damping, dashpots, rolling spring": {
+        "xi": 3.0,
+        "also": {"rolling": SPRING, "cohesion": 1e3, "beta": 0.05},
+    },
+    "forces": {"forces": True},
+    "forces, lagged damping": {"forces": True, "xi": 2.0, "damping_form": "lagged"},
+    "preload": {"preload": True},
+    "preload, forces, damping": {"preload": True, "forces": True, "xi": 5.0},
 }
 X = np.array([[0.0, 0.98], [1.7, 0.69], [0.85, 2.35], [-1.9, 1.2]])
 V = np.array([[0.3, -0.1], [-0.2, 0.4], [0.1, -0.9], [1.1, 0.2]])
@@ -84,6 +99,30 @@ def both(law: ContactLaw, **more: Any) -> tuple[Scene, SphereScene]:
     )
 
 
+def pushed(solid: bool) -> list[BodyForce]:
+    """Forces and torques, which overlap in time and of which two act on one body; the second ends within a step."""
+    loads = [
+        (0, (30.0, -8.0), 2.0, 0.0, 0.1),
+        (2, (-9.0, 5.0), -1.5, 0.01003, 0.15017),
+        (0, (4.0, 7.0), 0.5, 0.05, np.inf),
+    ]
+    return [
+        BodyForce(disk=disk, force=(*force, 0.0), torque=(0.0, 0.0, torque), begin=begin, end=end)
+        if solid
+        else BodyForce(disk=disk, force=force, torque=torque, begin=begin, end=end)
+        for disk, force, torque, begin, end in loads
+    ]
+
+
+def preloaded(solid: bool) -> dict[tuple[int, int], Any]:
+    """Shear forces at time 0: of two spheres, at a wall, and one beyond the limit of friction."""
+    found: dict[tuple[int, int], Any] = {}
+    for (i, j), fs in {(0, 2): 30.0, (0, 4): -20.0, (1, 4): 1e3}.items():
+        n = (X[j] - X[i]) / np.linalg.norm(X[j] - X[i]) if j < len(X) else -np.array(WALLS[j - len(X)][2])
+        found[i, j] = tuple(fs * np.array([-n[1], n[0], 0.0])) if solid else fs
+    return found
+
+
 def in_3d(key: str, value: Any) -> Any:
     if key == "angular_velocity":
         return (0.0, 0.0, value)
@@ -112,15 +151,31 @@ def differences(flat: History, solid: History) -> dict[str, float]:
 def drift(history: History) -> float:
     """Largest change of the energy budget [J]: what bodies and springs have, and have lost, less what walls have fed."""
     energy = history.energy
-    lost = sum(energy[name] for name in ("friction_loss", "dashpot_loss", "rolling_loss", "law_loss"))
-    total = energy["kinetic"] + energy["elastic"] + energy["gravity"] + lost - energy["wall_work"]
+    lost = sum(energy[name] for name in ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss", "law_loss"))
+    total = (
+        energy["kinetic"] + energy["elastic"] + energy["gravity"] + lost - energy["wall_work"] - energy["force_work"]
+    )
     return float(np.abs(total - total[0]).max())
 
 
-def histories(law: ContactLaw, contact_dt: float = 2e-4) -> tuple[History, History]:
+def histories(law: ContactLaw, contact_dt: float = 2e-4, **more: Any) -> tuple[History, History]:
     """Runs of 0.2 s in 2D and 3D: four unequal bodies touch, part and slide between two walls that move."""
-    numerics = Numerics(dt=2e-4, n_steps=STEPS, contact_dt=contact_dt, sample_every=50, energy_budget=True)
-    flat, solid = (simulate(scene, numerics, PAIRS) for scene in both(law))
+    numerics = Numerics(
+        dt=2e-4,
+        n_steps=STEPS,
+        contact_dt=contact_dt,
+        sample_every=50,
+        energy_budget=True,
+        damping_form=more.pop("damping_form", "central"),
+    )
+    law = replace(law, **more.pop("also", {}))
+    forces, preload = more.pop("forces", False), more.pop("preload", False)
+    scenes = both(law, **more)
+    if forces:
+        scenes = scenes[0].replace(forces=pushed(False)), scenes[1].replace(forces=pushed(True))
+    if preload:
+        scenes = scenes[0].replace(initial_shear=preloaded(False)), scenes[1].replace(initial_shear=preloaded(True))
+    flat, solid = (simulate(scene, numerics, PAIRS) for scene in scenes)
     return flat, solid
 
 
@@ -147,6 +202,22 @@ def test_a_scene_at_rest_in_z_is_the_scene_in_2d(law: str) -> None:
         assert (flat.fs < 0.0).any()
     found = differences(flat, solid)
     assert max(found.values()) <= 1e-12, found
+
+
+@pytest.mark.parametrize("loads", DAMPED)
+def test_so_is_one_with_damping_forces_or_preload(loads: str) -> None:
+    flat, solid = histories(LAW, **DAMPED[loads])
+    found = differences(flat, solid)
+    for name in ("damping_loss", "force_work"):
+        one, two = flat.energy.get(name, np.zeros(len(flat.t))), solid.energy[name]
+        found[name] = float(np.abs(one - two).max() / (np.abs(one).max() or 1.0))
+    assert max(found.values()) <= 1e-12, found
+    if "xi" in DAMPED[loads]:
+        assert solid.energy["damping_loss"][-1] > 0.1
+    if "forces" in DAMPED[loads]:
+        assert abs(solid.energy["force_work"][-1]) > 0.1
+    if "preload" in DAMPED[loads]:
+        assert solid.energy["elastic_shear"][0] > 0.01
 
 
 def test_the_middle_of_a_step_differs_to_second_order() -> None:

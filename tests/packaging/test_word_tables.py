@@ -18,7 +18,7 @@ import ninedisk.reports
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.cases.adapter.space import probe_of
+from ninedisk.harness.cases.adapter.probe_of import probe_of
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, STATUSES, WORST_FIRST
 from ninedisk.harness.run.converge import VERDICTS
 from ninedisk.reports.panel import text as words

@@ -8,6 +8,7 @@ from __future__ import annotations
 from math import sqrt
 
 from ninedisk.core.compile import inline_kernel, kernel
+from ninedisk.core.dem.loads_kernels import share_of_kick
 from ninedisk.core.dem.plane.force_kernels import disk_disk_forces, disk_wall_forces, note_pairs
 from ninedisk.core.dem.plane.grain_kernels import grain_forces
 from ninedisk.core.dem.plane.image_kernels import (
@@ -115,7 +116,7 @@ def push(disks: DiskArrays, loads: Loads, step: StepConstants, n: int) -> float:
     work = 0.0
     for k in range(loads.disk.shape[0]):
         i = disks.place[loads.disk[k]]
-        now, before = share_of_kick(loads, k, n, dt), share_of_kick(loads, k, n - 1, dt)
+        now, before = share_of_kick(loads.time[k], n, dt), share_of_kick(loads.time[k], n - 1, dt)
         fx, fy, torque = loads.load[k, 0], loads.load[k, 1], loads.load[k, 2]
         if n > 0 and now + before > 0.0:
             power = fx * disks.v[i, 0] + fy * disks.v[i, 1] + torque * disks.omega[i]
@@ -124,15 +125,6 @@ def push(disks: DiskArrays, loads: Loads, step: StepConstants, n: int) -> float:
         disks.force[i, 1] += now * fy
         disks.torque[i] += now * torque
     return work
-
-
-@inline_kernel
-def share_of_kick(loads: Loads, k: int, n: int, dt: float) -> float:
-    """Part of the kick from ``t_n``, which lasts from ``t_n - dt/2`` to ``t_n + dt/2`` but not from before 0, for which a load acts."""
-    first, last = max((n - 0.5) * dt, 0.0), (n + 0.5) * dt
-    if loads.time[k, 0] <= first and loads.time[k, 1] >= last:
-        return 1.0
-    return float(max(min(loads.time[k, 1], last) - max(loads.time[k, 0], first), 0.0) / (last - first))
 
 
 @inline_kernel

@@ -15,8 +15,8 @@ from ninedisk.core.dem.space.neighbour_kernels import Materials
 from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.registers import WIDE
 from ninedisk.core.dem.space.scratch_kernels import CHUNK
-from ninedisk.core.dem.space.state import Contacts, Losses, Motion
-from ninedisk.core.dem.space.step_kernels import BATCH, Batch
+from ninedisk.core.dem.space.state import Contacts, Losses, Motion, Pushes
+from ninedisk.core.dem.space.step_kernels import BATCH, Batch, Damping
 from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.thread_kernels import PAD
@@ -70,7 +70,9 @@ def no_losses(stripes: int, planes: int) -> Losses:
         before=np.zeros((stripes, 5)),
         torque=np.zeros((BATCH * stripes, planes, 3)),
         loads=np.zeros((planes, 2, 6)),
+        fed=np.zeros(BATCH * stripes),
         work=np.zeros(1),
+        force_work=np.zeros(1),
     )
 
 
@@ -84,6 +86,31 @@ def roomier(contacts: Contacts) -> Contacts:
     room = contacts.other.shape[0]
     rows = contacts.start.shape[0] - 1
     return empty_list(rows, room + room // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
+
+
+def push_arrays(scene: SphereScene) -> Pushes:
+    """Forces and torques on single spheres, by the scene's numbers."""
+    return Pushes(
+        row=np.array([each.disk for each in scene.forces], dtype=np.int64),
+        load=np.array([[*each.force, *each.torque] for each in scene.forces]).reshape(-1, 6),
+        time=np.array([[each.begin, each.end] for each in scene.forces]).reshape(-1, 2),
+    )
+
+
+def dampings(xi: float, dt: float, *, central: bool) -> tuple[Damping, Damping]:
+    """Global damping of the half kick from ``t_0`` and of all later ones (`ninedisk.core.dem.plane.kick_kernels`)."""
+    a = 0.5 * xi * dt
+    first = Damping(keep=1.0 - a, gain=0.5 * dt, ahead=1.0, drag=a, seen=0.0, mean=1.0)
+    if central:
+        return first, Damping((1.0 - a) / (1.0 + a), dt / (1.0 + a), 0.5, 2.0 * a, 0.5, 0.5)
+    return first, Damping(1.0 - 2.0 * a, dt, 0.5, 2.0 * a, 0.0, 0.5)
+
+
+def in_rows(pushes: Pushes, name: NDArray[np.int64]) -> Pushes:
+    """The same by the rows in which spheres are that have these numbers in the scene; those of one sphere in the scene's order."""
+    rows = np.argsort(name)[pushes.row]
+    order = np.argsort(rows, kind="stable")
+    return Pushes(rows[order], pushes.load[order], pushes.time[order])
 
 
 def law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
@@ -124,7 +151,7 @@ def law_row(law: SphereLaw) -> list[float]:
         float(law.lever_arm == "overlap"),
         float(law.slip_at == "middle"),
         float(RULES[law.unloading]),
-        0.0 if law.sticks else 4.0 * pi * law.surface_energy,
+        0.0 if law.sticks else 4.0 * pi * law.surface_energy if law.hertz else law.cohesion,
     ]
     for resistance in (law.rolling, law.twisting):
         given = resistance or Rolling(model="constant", mu=0.0)

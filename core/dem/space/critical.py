@@ -38,6 +38,8 @@ class Network(NamedTuple):
         1/I [1/(kg m^2)]; 0 where the spin is held.
     radius : ndarray, shape (n,)
         [m].
+    drag : float
+        Half of the global damping [1/s], part of C' where that is lagged.
     """
 
     bodies: IntArray
@@ -47,12 +49,13 @@ class Network(NamedTuple):
     mobility: FloatArray
     turn: FloatArray
     radius: FloatArray
+    drag: float = 0.0
 
 
 def critical_time_step(network: Network) -> float:
-    """Largest stable contact step [s] by Lanczos' method; ``inf`` without contacts of what can move."""
+    """Largest stable contact step [s] by Lanczos' method; without contacts of what can move that of global damping alone."""
     if not len(network.bodies):
-        return float("inf")
+        return 1.0 / network.drag if network.drag > 0.0 else float("inf")
     directions = _directions(network)
     at = (6 * network.bodies[:, :, None] + np.arange(6)).ravel()
     springs, dashpots = (
@@ -60,13 +63,13 @@ def critical_time_step(network: Network) -> float:
     )
     root = np.sqrt(np.column_stack([network.mobility, np.repeat(network.turn[:, None], 3, axis=1)]))
     root = np.vstack([root, np.zeros(6)]).ravel()  # planes are one body more, which nothing moves
-    size = len(root)
+    size, drag = len(root), network.drag * (root > 0.0)
 
     def apply(vector: FloatArray) -> FloatArray:
         moved = np.einsum("crbk,cbk->cr", directions, (root * vector[:size])[at].reshape(-1, 2, 6))
         pulled = springs * vector[size:].reshape(-1, 6) + dashpots * moved
         back = np.bincount(at, np.einsum("crbk,cr->cbk", directions, pulled).ravel(), size)
-        return np.concatenate([root * back, (springs * moved).ravel()])
+        return np.concatenate([root * back + drag * vector[:size], (springs * moved).ravel()])
 
     # A fixed irregular start: the same on every call, and no mode is orthogonal to it by symmetry.
     vector = np.cos(np.arange(1.0, size + springs.size + 1.0) ** 2)

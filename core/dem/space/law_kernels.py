@@ -222,7 +222,7 @@ def contact(
         pushed = stiffness * overlap
     pushed = pushed + damping * dot(touch.dashpot_dv, n)
     repulsive = max(pushed + law.held * reduced, 0.0)
-    fn = pushed - law.pull * reduced
+    fn = pushed - law.pull * (reduced if hertz else overlap)
     u, spring = slip(middle, law.slip_mid, slip_dt, pose, touch)
     cap = law.mu * repulsive
     if in_force:

@@ -19,10 +19,13 @@ from ninedisk.core.dem.space import state as columns
 from ninedisk.core.dem.space.arrays import (
     batch_arrays,
     compile_motion,
+    dampings,
     empty_list,
+    in_rows,
     law_tables,
     list_of,
     no_losses,
+    push_arrays,
     roomier,
     wide,
     xyz_rows,
@@ -36,6 +39,7 @@ from ninedisk.core.dem.space.neighbour_kernels import (
     widen_by_necks,
 )
 from ninedisk.core.dem.space.plane_kernels import place_planes
+from ninedisk.core.dem.space.preload import enter_preload, shear_by_pair
 from ninedisk.core.dem.space.registers import WIDE
 from ninedisk.core.dem.space.scratch_kernels import SCRATCH, SCRATCH_COUNTED
 from ninedisk.core.dem.space.state import Contacts, State
@@ -50,6 +54,7 @@ from ninedisk.core.dem.space.step_kernels import (
     REBUILDS,
     STEP,
     Assembly,
+    Damping,
     Plan,
     Scheme,
     advance,
@@ -89,7 +94,7 @@ PAIRS_PER_SPHERE = 4
 SAFETY = 0.1
 """Contact step over the critical one where the numerics leave it open."""
 
-LOSSES = ("friction_loss", "dashpot_loss", "rolling_loss", "law_loss", "wall_work")
+LOSSES = ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss", "law_loss", "wall_work", "force_work")
 """Energies that are sampled with `Numerics.energy_budget`."""
 
 
@@ -146,7 +151,8 @@ class SphereSession:
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
         # Of the dashpots in the limit of the step, see `ninedisk.core.dem.critical`.
-        self._share = 1.0 if self._central else 0.5
+        self._share, self._drag = (1.0, 0.0) if self._central else (0.5, 0.5 * scene.xi)
+        self._dampings = dampings(scene.xi, self.contact_dt, central=self._central)
         spheres = scene.spheres
         in_order = n >= SORT_FROM
         self._threads, self._in_order = threads if in_order else 1, in_order
@@ -174,7 +180,9 @@ class SphereSession:
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
             built=wide(spheres.x),
+            braked=np.zeros(n if numerics.energy_budget and scene.xi > 0.0 else 0),
         )
+        self._pushes = push_arrays(scene)
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = law_tables(scene)
         mean = float(spheres.radius.mean())
@@ -230,6 +238,8 @@ class SphereSession:
         place_planes(self._motion, 0.0, self._state.now)
         self._rebuild()
         self._check_centres()
+        enter_preload(scene, self._laws, self._pairs[0], self._at_planes[0], self._state)
+        self._remember()
         self._to(0)
 
     def __copy__(self) -> SphereSession:
@@ -291,6 +301,10 @@ class SphereSession:
         found = {name: xyz_rows(getattr(state, name))[place] for name in ("x", "v", "angle", "omega")}
         return int(self._clock[STEP]) * self.contact_dt, {**found, "radius": state.radius[place]}
 
+    def shear_forces(self) -> dict[Pair, tuple[float, ...]]:
+        """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
+        return shear_by_pair(self._contacts().bodies, self._contacts().force, self._state.name)
+
     @property
     def critical_dt(self) -> float:
         """Critical step [s] of the present contacts together, at most that of the worst single contact (`contact_step`).
@@ -347,6 +361,7 @@ class SphereSession:
         for lists, name in ((session._pairs, "pairs"), (session._at_planes, "wall_pairs")):
             lists[0] = list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
         session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
+        session._placed = in_rows(session._pushes, session._state.name)
         session._remember()
         return session
 
@@ -367,8 +382,15 @@ class SphereSession:
     def _to(self, goal: int) -> None:
         clock = self._clock
         while clock[STEP] < goal or clock[PENDING]:
-            bodies = Assembly(self._state, self._pairs[0], self._at_planes[0], self._laws)
-            scheme = Scheme(self._gravity, self.contact_dt, float(self._skin[0]), self._central)
+            bodies = Assembly(self._state, self._pairs[0], self._at_planes[0], self._laws, self._placed)
+            scheme = Scheme(
+                self._gravity,
+                self.contact_dt,
+                float(self._skin[0]),
+                self._central,
+                self.scene.xi > 0.0,
+                *self._dampings,
+            )
             plan = Plan(goal, 1 if self._one_by_one else BATCH, self._front)
             shared = (bodies, self._losses, self._motion, self._batch, clock, scheme, plan)
             status = together(advance, self._threads, shared)
@@ -384,7 +406,7 @@ class SphereSession:
     def _changing(self) -> dict[str, NDArray[Any]]:
         """What steps change and do not find anew."""
         state = self._state._asdict()
-        names = ("x", "v", "omega", "angle", "v_now", "omega_now", "force", "torque", "behind")
+        names = ("x", "v", "omega", "angle", "v_now", "omega_now", "force", "torque", "behind", "braked")
         arrays: dict[str, NDArray[Any]] = {"clock": self._clock, **{name: state[name] for name in names}}
         for name, contacts in (("pairs", self._pairs[0]), ("planes", self._at_planes[0])):
             used = contacts.start[-1]
@@ -442,6 +464,7 @@ class SphereSession:
         listed[:] = np.arange(len(listed))
         self._skin[0], clock[BUILT], clock[DUE] = skin, clock[STEP], clock[STEP] + BATCH
         clock[REBUILDS] += 1
+        self._placed = in_rows(self._pushes, state.name)
         self._remember()
 
     def _contacts(self) -> Listed:
@@ -467,7 +490,7 @@ class SphereSession:
         sums = np.zeros((len(self._listed), 2))
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
             stiffest(self._state, contacts, self._laws, at_planes, self._share, sums)
-        bound = (0.25 * self.contact_dt * sums[:, 0] + sums[:, 1]) * self.contact_dt
+        bound = (0.25 * self.contact_dt * sums[:, 0] + sums[:, 1] + self._drag) * self.contact_dt
         if self.numerics.allow_unstable or bound.max() <= 1.0:
             return
         critical = critical_time_step(self._network())
@@ -534,7 +557,7 @@ class SphereSession:
                 dashpots[sprung, k] = self._share * notes[sprung, columns.DRAG + k - 1]
         bodies = np.column_stack([number[:, 0], np.minimum(number[:, 1], n)])
         mobility = xyz_rows(state.mobility)
-        return Network(bodies, normal, springs, dashpots, mobility, state.inv_inertia, state.radius)
+        return Network(bodies, normal, springs, dashpots, mobility, state.inv_inertia, state.radius, self._drag)
 
     def _sample(self, k: int) -> None:
         """Write the present state into row k: positions at t, velocities brought to t by half a kick."""
@@ -542,11 +565,16 @@ class SphereSession:
         state, history, place = self._state, self._history, np.argsort(self._state.name)
         chosen = place[self.chosen]
         mass, inertia = self.scene.spheres.mass[state.name], self.scene.spheres.inertia[state.name]
-        half = 0.5 * self.contact_dt if self._clock[STEP] else 0.0
         x, angle, omega, torque = map(xyz_rows, (state.x, state.angle, state.omega, state.torque))
-        at_sample = state.v + half * state.mobility * state.force
+        damping = self._dampings[1]
+        part = 0.5 if self._clock[STEP] else 0.0
+        kicked = (damping.keep - 1.0) * (state.mobility > 0.0) * state.v + damping.gain * state.mobility * state.force
+        turns = state.inv_inertia[:, None]
+        spun = (damping.keep - 1.0) * (turns > 0.0) * omega + damping.gain * turns * torque
+        at_sample = state.v + part * kicked
         v = xyz_rows(at_sample)
-        omega = omega + half * state.inv_inertia[:, None] * torque
+        braked = self._braked(damping, xyz_rows(kicked), spun) if part else 0.0
+        omega = omega + part * spun
         finite = np.isfinite(x) & np.isfinite(v)
         if not finite.all():
             raise self._not_finite(np.isfinite(state.x + at_sample))
@@ -580,7 +608,25 @@ class SphereSession:
             now = 0.5 * (self._losses.before.sum(axis=0) + so_far) if self._clock[STEP] else np.zeros(len(so_far))
             energy["friction_loss"][k], energy["dashpot_loss"][k] = so_far[columns.FRICTION], now[columns.DASHPOT]
             energy["rolling_loss"][k] = so_far[columns.ROLLED_ON] + now[columns.ROLLING_DASHPOT]
-            energy["law_loss"][k], energy["wall_work"][k] = so_far[columns.OF_LAW], self._losses.work[0]
+            energy["damping_loss"][k], energy["law_loss"][k] = (
+                float(np.sum(state.braked)) + braked,
+                so_far[columns.OF_LAW],
+            )
+            energy["wall_work"][k], energy["force_work"][k] = self._losses.work[0], self._losses.force_work[0]
+
+    def _braked(self, damping: Damping, kicked: NDArray[np.float64], spun: NDArray[np.float64]) -> float:
+        """What global damping takes from the last half step's end to now [J], from the changes that the next kick makes."""
+        if len(self._state.braked) == 0:
+            return 0.0
+        state = self._state
+        taken = 0.0
+        for before, change, inverse in (
+            (xyz_rows(state.v), kicked, xyz_rows(state.mobility)),
+            (xyz_rows(state.omega), spun, np.repeat(state.inv_inertia[:, None], 3, axis=1)),
+        ):
+            free = inverse > 0.0
+            taken += float(np.sum((before + damping.seen * change)[free] * before[free] / inverse[free]))
+        return 0.5 * damping.drag * taken
 
     def _gap(self, i: int, j: int) -> float:
         state, n = self._state, len(self.scene.spheres)
@@ -596,7 +642,7 @@ class SphereSession:
         hertz = law[:, columns.HERTZ] > 0.0
         normal = np.where(hertz, 0.4 * radius, 0.5) * law[:, columns.KN] * overlap**2
         reduced = memory[:, columns.REDUCED]
-        normal -= law[:, columns.PULL] * reduced * overlap
+        normal -= law[:, columns.PULL] * np.where(hertz, reduced, 0.5 * overlap) * overlap
         sticks = (law[:, columns.STICKS] > 0.0) & (radius > 0.0)
         if sticks.any():
             # The work of JKR's force from overlap 0, where s^3 = 4: (6 kn a_c^5/R^2) [s^10/15 - 2 s^7/3 + s^4].
@@ -658,10 +704,10 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     speed = (
         2.0 * float(np.linalg.norm(spheres.v, axis=1).max())
         + wall
-        + sqrt(2.0 * float(np.linalg.norm(scene.gravity)) * extent)
+        + sqrt(2.0 * (float(np.linalg.norm(scene.gravity)) + _largest_push(scene)) * extent)
     )
-    critical = np.inf
-    share = 1.0 if numerics.damping_form == "central" else 0.5
+    share, slowing = (1.0, 0.0) if numerics.damping_form == "central" else (0.5, 0.5 * scene.xi)
+    critical = _limit(0.0, slowing)
     inverse, spin = np.where(movable, 1.0 / spheres.mass, 0.0), np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0)
     about = inverse * spin / np.where(movable, inverse + spheres.radius**2 * spin, 1.0)
     own = np.zeros((2, len(spheres)))
@@ -685,7 +731,10 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
         omega = sqrt(max(kn, ks * (1.0 + turning)) / mass)
         if omega > 0.0:
             drag = 2.0 * share * law.beta
-            critical = min(critical, 2.0 / omega * (sqrt(1.0 + drag**2) - drag))
+            critical = min(
+                critical,
+                _limit(omega**2, drag * omega + slowing) if slowing else 2.0 / omega * (sqrt(1.0 + drag**2) - drag),
+            )
         with np.errstate(over="ignore"):  # an infinite one leaves no step
             ends, shear = 1.0 if alone else 2.0, ks * (inverse + spheres.radius**2 * spin)
             stiff, slowed = np.maximum(kn * inverse, shear), 2.0 * law.beta * np.sqrt(kn * inverse)
@@ -698,14 +747,15 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
                         2.0 * resistance.beta * sqrt(resistance.kr) * more,
                     )
                     both = ends * float(springs.max()), share * sqrt(ends) * float(dashpots.max())
-                    critical = min(critical, _limit(*both))
+                    critical = min(critical, _limit(both[0], both[1] + slowing))
                     stiff, slowed = np.maximum(stiff, springs), np.maximum(slowed, dashpots)
             own = np.maximum(own, [stiff, share * slowed])
     if numerics.contact_dt is None:
         room = np.floor(2.0 / (1.0 - np.cos(np.arcsin(radius / (spheres.radius + radius)))))
         contacts = np.minimum(room, len(spheres) - 1.0) + len(scene.walls)
         packed = min(
-            (_limit(2.0 * k, 2.0 * c) for k, c in zip(*(contacts * own).tolist(), strict=True)), default=np.inf
+            (_limit(2.0 * k, 2.0 * c + slowing) for k, c in zip(*(contacts * own).tolist(), strict=True)),
+            default=np.inf,
         )
         wanted = max(min(SAFETY * critical, packed), 1e-16 * numerics.dt)  # refused as too many substeps
         return numerics.dt / max(1, int(np.ceil(numerics.dt / wanted))), critical
@@ -721,6 +771,14 @@ def _limit(stiffness: float, dashpots: float) -> float:
     """Largest stable step [s] for a stiffness [1/s^2] and dashpots in C' [1/s], both over the masses."""
     rate = 0.5 * (dashpots + hypot(dashpots, sqrt(stiffness)))
     return 1.0 / rate if rate > 0.0 else np.inf
+
+
+def _largest_push(scene: SphereScene) -> float:
+    """Largest acceleration [m/s^2] that the forces on one sphere can have together."""
+    total = np.zeros(len(scene.spheres))
+    for each in scene.forces:
+        total[each.disk] += np.linalg.norm(each.force)
+    return float(np.max(total / scene.spheres.mass))
 
 
 def _wall_speed(wall: PlaneWall) -> float:

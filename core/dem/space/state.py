@@ -15,7 +15,8 @@ Index = int | np.uint64
 
 HERTZ, KN, KS, MU, BETA, TORQUE_MID, SLIP_MID, MIDDLE, UNLOADING, PULL = range(10)
 """Columns of a law: whether it is Hertz'; ``kn`` [N/m] or ``(4/3) E*`` [Pa]; ``ks`` or ``8 G*``; mu; beta; whether the torque's arm ends in
-the middle of the overlap, the slip's too; whether slip is that of mid-step; the rule of unloading; pull over the reduced radius [N/m]."""
+the middle of the overlap, the slip's too; whether slip is that of mid-step; the rule of unloading; pull [N/m] over the reduced
+radius, in the linear law over the overlap."""
 ROLL, TWIST = 10, 14
 """First columns of the two resistances, four each: model, mu, stiffness [N m/rad], damping ratio."""
 HELD, STICKS = 18, 19
@@ -45,7 +46,8 @@ class State(NamedTuple):
 
     Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
     each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``built`` the positions at the last rebuild of the lists,
-    ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``. ``now`` is where planes are, as in
+    ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``; ``braked`` is the energy that global damping
+    has taken from each [J], where it is counted. ``now`` is where planes are, as in
     `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` tells for each slot 1 + sphere and plane where a
     centre is behind one.
     """
@@ -69,6 +71,7 @@ class State(NamedTuple):
     share: Floats
     behind: Integers
     built: Floats
+    braked: Floats
 
 
 class Planes(NamedTuple):
@@ -99,14 +102,34 @@ class Losses(NamedTuple):
     """Energy that contacts of each stripe have lost since time 0 [J], by channels above; m planes.
 
     ``before`` has that before the step that `advance` ended with. ``torque`` is what the slots add to the torque on each plane about
-    the origin; ``loads``, force and torque, those of the last step and of the one before; ``work`` that of the planes on spheres [J].
+    the origin; ``loads``, force and torque, those of the last step and of the one before; ``fed`` what the slots add to the work of
+    forces on single spheres; ``work`` that of the planes on spheres, ``force_work`` of those forces [J].
     """
 
     contacts: Floats
     before: Floats
     torque: Floats
     loads: Floats
+    fed: Floats
     work: Floats
+    force_work: Floats
+
+
+class Pushes(NamedTuple):
+    """Forces and torques on single spheres (`AnyScene.forces`) by ascending rows; k of them.
+
+    Attributes
+    ----------
+    row : ndarray of int64, shape (k,)
+    load : ndarray, shape (k, 6)
+        Force [N] and torque [N m].
+    time : ndarray, shape (k, 2)
+        Begin and end [s].
+    """
+
+    row: Integers
+    load: Floats
+    time: Floats
 
 
 class Step(NamedTuple):

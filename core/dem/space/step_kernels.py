@@ -20,12 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
+from ninedisk.core.dem.loads_kernels import share_of_kick
 from ninedisk.core.dem.plane.kick_kernels import NUMBER, farther
 from ninedisk.core.dem.space.force_kernels import forces_of_planes, forces_of_spheres
 from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.registers import blend, scale
 from ninedisk.core.dem.space.scratch_kernels import FOUR, ONE, TWO
-from ninedisk.core.dem.space.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, State, Step
+from ninedisk.core.dem.space.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, Pushes, State, Step
 from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, scaled
 from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
@@ -54,21 +55,37 @@ NOW, MIDDLE, BEFORE = range(3)
 
 
 class Assembly(NamedTuple):
-    """What moves, the lists of what may touch, and the rows of the laws."""
+    """What moves, the lists of what may touch, the rows of the laws, and forces on single spheres."""
 
     state: State
     pairs: Contacts
     at_planes: Contacts
     laws: Floats
+    pushes: Pushes
+
+
+class Damping(NamedTuple):
+    """Scalars of a kick with global damping, as in `ninedisk.core.dem.state.Kick`: ``v+ = keep v- + gain F/m``."""
+
+    keep: float
+    gain: float
+    ahead: float
+    drag: float
+    seen: float
+    mean: float
 
 
 class Scheme(NamedTuple):
-    """How a run steps: gravity [m/s^2], contact step [s], skin [m], and whether dashpots see the velocities of the step's end."""
+    """How a run steps: gravity [m/s^2], contact step [s], skin [m], whether dashpots see the velocities of the step's end, and global
+    damping: whether there is any, in the half kick from ``t_0`` and in all later ones."""
 
     gravity: Floats
     dt: float
     skin: float
     central: bool
+    damped: bool
+    first: Damping
+    later: Damping
 
 
 class Plan(NamedTuple):
@@ -131,6 +148,47 @@ def foreseen(state: State, way: float, begin: int, end: int) -> float:
     return far
 
 
+@inline_kernel
+def brake(state: State, damping: Damping, begin: int, end: int) -> None:
+    """Energy that global damping takes from the spheres ``begin .. end-1`` in the kick that follows [J], into ``state.braked``."""
+    v, omega, force, torque, mobility = state.v, state.omega, state.force, state.torque, state.mobility
+    keep, gain, seen, mean = damping.keep, damping.gain, damping.seen, damping.mean
+    for i in range(np.uint64(begin), np.uint64(end)):
+        taken = 0.0
+        for c in range(np.uint64(3)):
+            q = FOUR * i + c
+            if mobility[q] > 0.0:
+                change = (keep - 1.0) * v[q] + gain * mobility[q] * force[q]
+                taken += (v[q] + seen * change) * (v[q] + mean * change) / mobility[q]
+            if state.inv_inertia[i] > 0.0:
+                change = (keep - 1.0) * omega[q] + gain * state.inv_inertia[i] * torque[q]
+                taken += (omega[q] + seen * change) * (omega[q] + mean * change) / state.inv_inertia[i]
+        state.braked[i] += damping.drag * taken
+
+
+@inline_kernel
+def damped_kick(state: State, scheme: Scheme, first: bool, begin: int, end: int) -> None:
+    """Velocities and spins of the spheres ``begin .. end-1`` to ``t_{n+1/2}`` under global damping; what is held keeps its own."""
+    v, omega, mobility, inv_inertia = state.v, state.omega, state.mobility, state.inv_inertia
+    damping = scheme.first if first else scheme.later
+    if state.braked.shape[0] > 0:
+        brake(state, damping, begin, end)
+    less, gain, ahead = damping.keep - 1.0, damping.gain, damping.ahead
+    sees_spins = state.omega_now.shape[0] > 0
+    for q in range(FOUR * np.uint64(begin), FOUR * np.uint64(end)):
+        change = (less if mobility[q] > 0.0 else 0.0) * v[q] + gain * mobility[q] * state.force[q]
+        v[q] += change
+        if scheme.central:
+            state.v_now[q] = v[q] + ahead * change
+    for i in range(np.uint64(begin), np.uint64(end)):
+        for c in range(np.uint64(3)):
+            q = FOUR * i + c
+            change = (less if inv_inertia[i] > 0.0 else 0.0) * omega[q] + gain * inv_inertia[i] * state.torque[q]
+            omega[q] += change
+            if sees_spins:
+                state.omega_now[q] = omega[q] + ahead * change
+
+
 @fused_kernel
 def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: int) -> float:
     """Velocities to ``t_{n+1/2}``, positions to ``t_{n+1}`` of the spheres ``begin .. end-1``; their forces become their weights.
@@ -148,7 +206,9 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
     kick, ahead = (0.5 * dt, 1.0) if first else (dt, 0.5)
     low, high = FOUR * np.uint64(begin), FOUR * np.uint64(end)
     sees_spins = state.omega_now.shape[0] > 0
-    if scheme.central:
+    if scheme.damped:
+        damped_kick(state, scheme, first, begin, end)
+    elif scheme.central:
         for q in range(low, high):
             gain = kick * mobility[q] * force[q]
             v[q] += gain
@@ -159,9 +219,10 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
     for q in range(low, high):
         x[q] += dt * v[q]
     for i in range(np.uint64(begin), np.uint64(end)):
-        blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)
-        if sees_spins:
-            blend(state.omega_now, i, 1.0, omega, i, ahead * kick * inv_inertia[i], torque, i)
+        if not scheme.damped:
+            blend(omega, i, 1.0, omega, i, kick * inv_inertia[i], torque, i)
+            if sees_spins:
+                blend(state.omega_now, i, 1.0, omega, i, ahead * kick * inv_inertia[i], torque, i)
         blend(angle, i, 1.0, angle, i, dt, omega, i)
         scale(force, i, mass[i], gravity, np.uint64(0))
     for q in range(low, high):
@@ -173,6 +234,25 @@ def kick_and_drift(state: State, scheme: Scheme, first: bool, begin: int, end: i
 def planes_of(pose: Floats) -> Planes:
     """Planes of a step, from a table of shape (3, m, POSE_WIDTH)."""
     return Planes(pose[NOW], pose[MIDDLE], pose[BEFORE])
+
+
+@inline_kernel
+def push(
+    state: State, pushes: Pushes, losses: Losses | None, n: int, dt: float, low: int, high: int, slot: int
+) -> None:
+    """Add to the forces of the rows ``low .. high-1`` those of `AnyScene.forces`, as means over the time of the kick from ``t_n``; their
+    work in the step that ended at ``t_n`` goes to the slot, by the trapezoidal rule."""
+    for k in range(np.searchsorted(pushes.row, low), np.searchsorted(pushes.row, high)):
+        first = FOUR * np.uint64(pushes.row[k])
+        now, before = share_of_kick(pushes.time[k], n, dt), share_of_kick(pushes.time[k], n - 1, dt)
+        power = 0.0
+        for c in range(3):
+            q = first + np.uint64(c)
+            power += pushes.load[k, c] * state.v[q] + pushes.load[k, 3 + c] * state.omega[q]
+            state.force[q] += now * pushes.load[k, c]
+            state.torque[q] += now * pushes.load[k, 3 + c]
+        if losses is not None and n > 0:
+            losses.fed[slot] += 0.5 * dt * (now + before) * power
 
 
 @inline_kernel
@@ -202,12 +282,16 @@ def step_of_stripe(
             state.share[desk.slot, w, c] = 0.0
             if losses is not None:
                 losses.torque[desk.slot, w, c] = 0.0
+    if losses is not None:
+        losses.fed[desk.slot] = 0.0
     if losses is not None and not moves_on:
         for c in range(losses.before.shape[1]):
             losses.before[s, c] = losses.contacts[s, c]
     far, end = 0.0, batch.stripe[s + 1]
     for low in range(batch.stripe[s], end, BLOCK):
         high = min(low + BLOCK, end)
+        if bodies.pushes.row.shape[0] > 0:
+            push(state, bodies.pushes, losses, n, scheme.dt, low, high, desk.slot)
         forces_of_spheres(state, bodies.pairs, laws, losses, step, low, high, desk)
         forces_of_planes(state, planes, bodies.at_planes, laws, losses, step, low, high, desk)
         if moves_on:
@@ -251,8 +335,8 @@ def gather_loads(state: State, level: int, stripes: int) -> None:
 
 
 @inline_kernel
-def work_of_planes(state: State, planes: Planes, losses: Losses, dt: float, level: int, stripes: int) -> None:
-    """Add the work of the planes on the spheres in a step, forces and torques by the trapezoidal rule."""
+def work_of_step(state: State, planes: Planes, losses: Losses, dt: float, level: int, stripes: int) -> None:
+    """Add the work on the spheres in a step: of the planes, forces and torques by the trapezoidal rule, and of forces on single spheres."""
     loads = losses.loads
     for w in range(state.load.shape[0]):
         for c in range(6):
@@ -265,6 +349,8 @@ def work_of_planes(state: State, planes: Planes, losses: Losses, dt: float, leve
         torque = scaled(plus(row(loads[w], 0, 3), 1.0, row(loads[w], 1, 3)), 0.5)
         torque = plus(torque, -1.0, cross(row(planes.middle, w, 6), force))
         losses.work[0] -= dt * (dot(force, row(planes.middle, w, 9)) + dot(torque, row(planes.middle, w, 12)))
+    for s in range(stripes):
+        losses.force_work[0] += losses.fed[level * stripes + s]
 
 
 @inline_kernel
@@ -284,7 +370,7 @@ def end_batch(state: State, losses: Losses | None, batch: Batch, n: int, count: 
     if losses is not None:
         for level in range(count):
             gather_loads(state, level, stripes)
-            work_of_planes(state, planes_of(batch.pose[level]), losses, dt if n + level > 0 else 0.0, level, stripes)
+            work_of_step(state, planes_of(batch.pose[level]), losses, dt if n + level > 0 else 0.0, level, stripes)
     gather_loads(state, count - 1, stripes)
 
 

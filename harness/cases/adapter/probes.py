@@ -362,30 +362,30 @@ def damped(info: EngineInfo, form: str) -> Probe:
         theta=0.5,
         damping_form="central" if form == "central" else "lagged",
     )
-    step, count = xi * numerics.dt, numerics.n_steps
-    second = speed * step * count * step**2
+    factor, bound, why = damping_factor(info, form, xi * numerics.dt, numerics.n_steps)
 
     def closed_forms(history: History) -> list[ClosedForm]:
-        if form == "central":
-            expected, bound, why = speed * math.exp(-step * count), second, "second order: xi t (xi dt)^2"
-        elif info.scheme == "central-difference":
-            expected, bound = speed * (1.0 - 0.5 * step) ** 2 * (1.0 - step) ** (count - 1), second
-            why = "the exact steps of v(n+1/2) = (1 - xi dt) v(n-1/2), to second order in the start"
-        else:
-            expected, bound, why = (
-                speed * math.exp(-step * count),
-                speed * step * count * step,
-                "first order: xi t xi dt",
-            )
         mend = "global damping is the force -xi m v (and the moment -xi I omega); see Numerics.damping_form for the velocity that it sees"
         return [
-            ClosedForm(quantity=name, unit=unit, value=value, expected=expected, bound=bound, why=why, mend=mend, observed=name == "v")
+            ClosedForm(quantity=name, unit=unit, value=value, expected=speed * factor, bound=speed * bound, why=why, mend=mend,
+                       observed=name == "v")
             for name, unit, value in (("v", "m/s", history.v[-1, 0, 0]), ("omega", "rad/s", history.omega[-1, 0]))
         ]  # fmt: skip
 
     return Probe(
         title=f"damping, {form}", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms
     )
+
+
+def damping_factor(info: EngineInfo, form: str, step: float, count: int) -> tuple[float, float, str]:
+    """What ``count`` steps of global damping leave of a velocity, with ``step`` = xi dt; how much this may be off, and why."""
+    second = step * count * step**2
+    if form == "central":
+        return math.exp(-step * count), second, "second order: xi t (xi dt)^2"
+    if info.scheme == "central-difference":
+        why = "the exact steps of v(n+1/2) = (1 - xi dt) v(n-1/2), to second order in the start"
+        return (1.0 - 0.5 * step) ** 2 * (1.0 - step) ** (count - 1), second, why
+    return math.exp(-step * count), step * count * step, "first order: xi t xi dt"
 
 
 def impact(beta: float = 0.0) -> Probe:

@@ -11,7 +11,7 @@ from ninedisk.core.history import History
 from ninedisk.core.law import Rolling, SphereLaw, Surface, Unloading
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
-from ninedisk.harness.api.capabilities import LEVER_ARMS, UNLOADING, Capability
+from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import FloatArray, SphereSetup
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.adapter.probes import (
@@ -29,7 +29,6 @@ from ninedisk.harness.cases.adapter.probes import (
     R,
     contact_error,
     has_springs,
-    probe_in_plane,
     resting_overlap,
     round_off,
     thrown,
@@ -104,7 +103,7 @@ def spheres(info: EngineInfo, **sampling: int) -> Probe:
                        bound=allowed * weight, why=still, mend="wall_force is the force of the spheres ON the wall", observed=False),
         ]  # fmt: skip
 
-    return _probe("spheres", scene, numerics, closed_forms)
+    return probe_of_spheres("spheres", scene, numerics, closed_forms)
 
 
 def sliding(info: EngineInfo) -> Probe:
@@ -127,7 +126,7 @@ def sliding(info: EngineInfo) -> Probe:
                        bound=slow / end * M, why=why, observed=False, mend="fs is the shear force on the first body, a vector"),
         ]  # fmt: skip
 
-    return _probe("sliding in space", scene, numerics, closed_forms)
+    return probe_of_spheres("sliding in space", scene, numerics, closed_forms)
 
 
 def told_losses(info: EngineInfo) -> Probe:
@@ -159,7 +158,7 @@ def elastic_impact() -> Probe:
                        mend=mend),
         ]  # fmt: skip
 
-    return _probe("Hertz impact", scene, numerics, closed_forms)
+    return probe_of_spheres("Hertz impact", scene, numerics, closed_forms)
 
 
 def lifted(unloading: Unloading) -> Probe:
@@ -184,7 +183,7 @@ def lifted(unloading: Unloading) -> Probe:
                        mend=f"unloading = {unloading!r} says what the shear spring does while the contact radius falls (SphereLaw)"),
         ]  # fmt: skip
 
-    return _probe(f"unloading {unloading}", scene, numerics, closed_forms)
+    return probe_of_spheres(f"unloading {unloading}", scene, numerics, closed_forms)
 
 
 def twisted(info: EngineInfo, *, spring: bool) -> Probe:
@@ -210,7 +209,7 @@ def twisted(info: EngineInfo, *, spring: bool) -> Probe:
                        mend=mend, observed=False),
         ]  # fmt: skip
 
-    return _probe(f"twisting resistance {model}", scene, numerics, closed_forms)
+    return probe_of_spheres(f"twisting resistance {model}", scene, numerics, closed_forms)
 
 
 def sticky(info: EngineInfo, surface: Surface) -> Probe:
@@ -241,37 +240,20 @@ def sticky(info: EngineInfo, surface: Surface) -> Probe:
             ClosedForm(quantity="v", unit="m/s", value=history.v[-1, 0], expected=np.zeros(3), bound=bound * G * 0.01, why=why, mend=mend),
         ]  # fmt: skip
 
-    return _probe(f"surface {surface}", scene, numerics, closed_forms)
+    return probe_of_spheres(f"surface {surface}", scene, numerics, closed_forms)
 
 
-def _probe(title: str, scene: SphereScene, numerics: Numerics, closed_forms: Any) -> Probe:
+def alone(info: EngineInfo, **sphere: Any) -> SphereScene:
+    """One sphere at the origin, without gravity; ``sphere`` goes to `Spheres`."""
+    spheres = Spheres(**{"x": [[0.0, 0.0, 0.0]], "radius": R, "mass": M, **sphere})
+    return SphereScene(spheres=spheres, sphere_sphere=law(info))
+
+
+def probe_of_spheres(title: str, scene: SphereScene, numerics: Numerics, closed_forms: Any) -> Probe:
+    """A probe that watches the first sphere at the first wall, where there is one."""
     return Probe(title=title, setup=_setup(scene, numerics), closed_forms=closed_forms)
 
 
 def _setup(scene: SphereScene, numerics: Numerics) -> SphereSetup:
-    return SphereSetup(scene=scene, numerics=numerics, watch=((FLOOR[0], len(scene.spheres)),))
-
-
-def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
-    """The probe of a capability in space; None where the plane has it."""
-    if capability in UNLOADING.values():
-        return lifted(next(name for name, held_by in UNLOADING.items() if held_by is capability))
-    make = {
-        Capability.SPHERES: lambda: spheres(info),
-        Capability.HERTZ_MINDLIN: lambda: elastic_impact(),
-        Capability.TWISTING_CONSTANT: lambda: twisted(info, spring=False),
-        Capability.TWISTING_SPRING: lambda: twisted(info, spring=True),
-        Capability.SURFACE_DMT: lambda: sticky(info, "dmt"),
-        Capability.SURFACE_JKR: lambda: sticky(info, "jkr"),
-        **(
-            {}
-            if info.plane
-            else {Capability.FRICTION: lambda: sliding(info), Capability.ENERGY_BUDGET: lambda: told_losses(info)}
-        ),
-    }.get(capability)
-    return None if make is None else make()
-
-
-def probe_of(capability: Capability, info: EngineInfo) -> Probe:
-    """The probe of a capability, in the plane where it has a meaning there and the engine runs it."""
-    return probe_in_space(capability, info) or probe_in_plane(capability, info)
+    watch = ((FLOOR[0], len(scene.spheres)),) if scene.walls else ()
+    return SphereSetup(scene=scene, numerics=numerics, watch=watch)

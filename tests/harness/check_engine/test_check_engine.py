@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_asked, capabilities_needed
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import case_table, get_case, get_engine
-from ninedisk.harness.cases.adapter.space import probe_of
+from ninedisk.harness.cases.adapter.probe_of import probe_of
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, UNSEEN, Fault
 from ninedisk.harness.check_engine.verdict import CASE_OF, show
@@ -342,6 +342,27 @@ PLANTED = {
     "no twisting torque": ("supports: TWISTING_CONSTANT", Planted(scene=laws(twisting=None)), "omega is"),
     "no twisting spring": ("supports: TWISTING_SPRING", Planted(scene=laws(twisting=None)), "omega is"),
     "half of the surface energy": ("supports: SURFACE_DMT", Planted(scene=laws(surface_energy=2.5)), "fn is"),
+    "spheres that nothing damps": (
+        "supports: GLOBAL_DAMPING_CENTRAL_3D",
+        Planted(scene=lambda s: s.replace(xi=0.0), support=EXACT),
+        "v is",
+    ),
+    "spheres damped twice": (
+        "supports: GLOBAL_DAMPING_LAGGED_3D",
+        Planted(scene=lambda s: s.replace(xi=2.0 * s.xi), support=EXACT),
+        "v is",
+    ),
+    "no preload of spheres": ("supports: PRELOAD_3D", Planted(scene=lambda s: s.replace(initial_shear={})), "v is"),
+    "no torque on a sphere": (
+        "supports: BODY_FORCES_3D",
+        Planted(scene=lambda s: s.replace(forces=tuple(replace(f, torque=0.0) for f in s.forces))),
+        "omega is",
+    ),
+    "spheres without cohesion": (
+        "supports: COHESION_3D",
+        Planted(scene=laws(cohesion=0.0), support=EXACT),
+        "overlap is",
+    ),
     "DMT for JKR": ("supports: SURFACE_JKR", Planted(scene=laws(surface="dmt"), support=EXACT), "fn is"),
     "one mass for all": (
         "unequal spheres: impacts of springs",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -79,9 +79,9 @@ def names(record: type) -> set[str]:
     return {each.name for each in fields(record)}
 
 
-def keys(schema: Mapping[str, Any]) -> set[str]:
+def keys(schema: Mapping[str, Any], left_out: Collection[str] = LEFT_OUT) -> set[str]:
     assert schema["additionalProperties"] is False
-    assert set(schema["properties"]) - set(schema["required"]) <= LEFT_OUT
+    assert set(schema["properties"]) - set(schema["required"]) <= set(left_out)
     return set(schema["properties"])
 
 
@@ -97,10 +97,10 @@ def test_keys_are_the_fields_of_the_dataclasses() -> None:
     assert keys(SCENE["law"]) == names(ContactLaw) - set(ONLY_IN[3])
     assert keys(SCENE["wall"]) == names(Wall)
     assert keys(SCENE["segment"]) == names(WallSegment)
-    assert keys(SCENE["force"]) == names(BodyForce)
+    assert keys(SCENE["force"]) == keys(SCENE["sphere_force"]) == names(BodyForce)
     assert keys(SCENE["plane"]["properties"]["cell"]) == names(Cell)
     assert keys(SCENE["law"]["properties"]["rolling"]) == names(Rolling)
-    assert keys(SCENE["space"]) == names(SphereScene) | {"dimension"}
+    assert keys(SCENE["space"], LEFT_OUT | {"xi", "initial_shear"}) == names(SphereScene) | {"dimension"}
     assert keys(SCENE["spheres"]) == names(Spheres)
     assert keys(SCENE["plane_wall"]) == names(PlaneWall)
     assert keys(SCENE["plane_segment"]) == names(PlaneSegment)
@@ -183,7 +183,9 @@ def moved_request() -> dict[str, Any]:
 def request_in_space() -> dict[str, Any]:
     """A small request in which every part of a scene in space occurs, Hertz-Mindlin at the wall."""
     resistance = Rolling(model="elastic-plastic", mu=0.1, kr=2.0, beta=0.1)
-    linear = SphereLaw(kn=1e5, ks=1e5, mu=0.3, beta=0.1, lever_arm="overlap", slip_at="end", rolling=resistance)
+    linear = SphereLaw(
+        kn=1e5, ks=1e5, mu=0.3, beta=0.1, lever_arm="overlap", slip_at="end", rolling=resistance, cohesion=10.0
+    )
     hertz = SphereLaw(
         e_star=1e7,
         g_star=4e6,
@@ -215,6 +217,9 @@ def request_in_space() -> dict[str, Any]:
         ),
         gravity=(0, 0, -9.81),
         laws={("a", "b"): hertz, ("b", "c"): linear},
+        xi=0.5,
+        initial_shear={(0, 1): (0.0, 1.0, 2.0)},
+        forces=[BodyForce(disk=1, force=(1.0, 2.0, 3.0), torque=(0.1, 0.2, 0.3), end=1.0)],
     )
     numerics = Numerics(dt=0.01, n_steps=2, contact_dt=0.001)
     request = Request(scene=scene, numerics=numerics, watch=((0, 1),), answer_file="answer.json")

@@ -17,7 +17,7 @@ from ninedisk.core.simulate import simulate
 from ninedisk.harness.api.capabilities import EXTRAS, Capability
 from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.cases.adapter.space import probe_of
+from ninedisk.harness.cases.adapter.probe_of import probe_of
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import Bench
 

@@ -1,0 +1,39 @@
+"""The probe of each capability."""
+
+from __future__ import annotations
+
+from ninedisk.harness.api.capabilities import UNLOADING, Capability
+from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.cases.adapter import space_loads
+from ninedisk.harness.cases.adapter.probes import Probe, probe_in_plane
+from ninedisk.harness.cases.adapter.space import elastic_impact, lifted, sliding, spheres, sticky, told_losses, twisted
+
+
+def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
+    """The probe of a capability in space; None where the plane has it."""
+    if capability in UNLOADING.values():
+        return lifted(next(name for name, held_by in UNLOADING.items() if held_by is capability))
+    make = {
+        Capability.SPHERES: lambda: spheres(info),
+        Capability.HERTZ_MINDLIN: lambda: elastic_impact(),
+        Capability.TWISTING_CONSTANT: lambda: twisted(info, spring=False),
+        Capability.TWISTING_SPRING: lambda: twisted(info, spring=True),
+        Capability.SURFACE_DMT: lambda: sticky(info, "dmt"),
+        Capability.SURFACE_JKR: lambda: sticky(info, "jkr"),
+        Capability.GLOBAL_DAMPING_CENTRAL_3D: lambda: space_loads.damped(info, "central"),
+        Capability.GLOBAL_DAMPING_LAGGED_3D: lambda: space_loads.damped(info, "lagged"),
+        Capability.BODY_FORCES_3D: lambda: space_loads.pushed(info),
+        Capability.PRELOAD_3D: lambda: space_loads.preloaded(info),
+        Capability.COHESION_3D: lambda: space_loads.stuck_deep(info),
+        **(
+            {}
+            if info.plane
+            else {Capability.FRICTION: lambda: sliding(info), Capability.ENERGY_BUDGET: lambda: told_losses(info)}
+        ),
+    }.get(capability)
+    return None if make is None else make()
+
+
+def probe_of(capability: Capability, info: EngineInfo) -> Probe:
+    """The probe of a capability, in the plane where it has a meaning there and the engine runs it."""
+    return probe_in_space(capability, info) or probe_in_plane(capability, info)
