@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, Rolling, SlipAt, SphereLaw, WallVelocityAt
 from ninedisk.core.scene.base import AnyScene
 from ninedisk.core.scene.bodies import Bodies, Disks, Spheres
@@ -28,7 +27,6 @@ from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.loads import BodyForce
 from ninedisk.core.scene.outlines import check_outlines, outlines_from, plain_outline
 from ninedisk.core.scene.walls import AnyWall, PlaneSegment, PlaneWall, Wall, WallSegment
-from ninedisk.core.validate import kind_of
 
 if TYPE_CHECKING:
     from ninedisk.core.nurbs.curve import NurbsCurve
@@ -64,14 +62,12 @@ class Scene(AnyScene):
     Parameters
     ----------
     disks : Disks
-    walls, gravity, laws, xi, initial_shear, forces
+    walls, gravity, laws, xi, initial_shear, forces, cell
         As in `AnyScene`, with d = 2.
     disk_disk : ContactLaw
         Law of every contact between two disks, where ``laws`` has none for their materials.
     outlines : sequence of NurbsCurve
         Boundaries that ``disks.outline`` refers to, each in the body's frame: centroid at the origin, at angle 0.
-    cell : Cell or None
-        Periodic cell; a scene that has one has no walls.
 
     Raises
     ------
@@ -84,7 +80,6 @@ class Scene(AnyScene):
     walls: tuple[Wall, ...] = ()
     gravity: tuple[float, float] = (0.0, 0.0)
     outlines: tuple[NurbsCurve, ...] = ()
-    cell: Cell | None = None
 
     dimension: ClassVar[int] = 2
     kind_of_bodies: ClassVar[type[Bodies]] = Disks
@@ -94,20 +89,12 @@ class Scene(AnyScene):
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "outlines", check_outlines(self.outlines, self.disks))
-        if self.cell is not None:
-            kind_of("cell", self.cell, Cell)
-            if self.walls:
-                raise InvalidSceneError(
-                    f"wall {self.walls[0].name!r} is not allowed in a periodic cell: leave out the cell, or the walls"
-                )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for JSON, see `AnyScene.to_dict`."""
         data = super().to_dict()
         if self.outlines:
             data["outlines"] = [plain_outline(curve) for curve in self.outlines]
-        if self.cell is not None:
-            data["cell"] = {"size": list(self.cell.size), "rate": [list(row) for row in self.cell.rate]}
         return data
 
     @classmethod
@@ -115,7 +102,6 @@ class Scene(AnyScene):
         return {
             **super()._fields_of(data),
             "outlines": outlines_from(data.get("outlines", ())),
-            "cell": Cell(**data["cell"]) if "cell" in data else None,
         }
 
 
@@ -128,7 +114,7 @@ class SphereScene(AnyScene):
     spheres : Spheres
     sphere_sphere : ContactLaw
         Law of every contact between two spheres, where ``laws`` has none for their materials.
-    walls, gravity, laws, xi, initial_shear, forces
+    walls, gravity, laws, xi, initial_shear, forces, cell
         As in `AnyScene`, with d = 3.
 
     Raises

@@ -11,6 +11,7 @@ import numpy as np
 from ninedisk.core.errors import BehindWallError, InvalidSceneError, TooFastError, UnstableTimeStepError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.scene.bodies import Bodies
+from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.loads import BodyForce
 from ninedisk.core.scene.walls import AnyWall, endless, plain
 from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, shown, whole
@@ -38,6 +39,8 @@ class AnyScene:
         at right angles to the contact's normal.
     forces : sequence of BodyForce
         Forces and torques on single bodies, beside gravity.
+    cell : Cell or None
+        Periodic cell; a scene that has one has no walls.
 
     Raises
     ------
@@ -51,6 +54,7 @@ class AnyScene:
     xi: float = 0.0
     initial_shear: Mapping[tuple[int, int], Any] = field(default_factory=dict)
     forces: tuple[BodyForce, ...] = ()
+    cell: Cell | None = None
 
     dimension: ClassVar[int]
     kind_of_bodies: ClassVar[type[Bodies]]
@@ -80,6 +84,17 @@ class AnyScene:
             if load.dimension != self.dimension:
                 raise InvalidSceneError(
                     f"force on {self.noun} {load.disk} = {shown(load.force)} is not allowed: it must have {self.dimension} components"
+                )
+
+        if self.cell is not None:
+            kind_of("cell", self.cell, Cell)
+            if self.cell.dimension != self.dimension:
+                raise InvalidSceneError(
+                    f"cell size = {self.cell.size} is not allowed: it must have {self.dimension} edges"
+                )
+            if self.walls:
+                raise InvalidSceneError(
+                    f"wall {self.walls[0].name!r} is not allowed in a periodic cell: leave out the cell, or the walls"
                 )
 
     def _checked_shear(self, name: str, force: Any) -> float | tuple[float, ...]:
@@ -125,6 +140,7 @@ class AnyScene:
                 for i, j, force in (data["initial_shear"] if cls.dimension == 2 else data.get("initial_shear", ()))
             },
             "forces": tuple(BodyForce(**endless(force, "end")) for force in data.get("forces", ())),
+            "cell": Cell(**data["cell"]) if "cell" in data else None,
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -151,6 +167,8 @@ class AnyScene:
             ]
         if self.forces:
             data["forces"] = [plain(load) for load in self.forces]
+        if self.cell is not None:
+            data["cell"] = {"size": list(self.cell.size), "rate": [list(row) for row in self.cell.rate]}
         return data
 
     @classmethod
@@ -223,7 +241,7 @@ class AnyScene:
     @property
     def laws_in_use(self) -> tuple[ContactLaw, ...]:
         """All laws that a pair of the scene can have: between bodies (of two or more, or in a cell), of each wall, of the materials."""
-        periodic = getattr(self, "cell", None) is not None
+        periodic = self.cell is not None
         return (
             *((self.law_of_bodies,) if len(self.bodies) > 1 or periodic else ()),
             *(wall.law for wall in self.walls),

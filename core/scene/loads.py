@@ -45,7 +45,7 @@ class BodyForce:
         object.__setattr__(self, "disk", whole("force on disk", self.disk, 0, 2**31 - 1, error=InvalidSceneError))
         force: Any = self.force
         torque: Any = self.torque
-        solid = _is_vector(torque) or (_is_vector(force) and len(force) == 3)
+        solid = is_vector(torque) or (is_vector(force) and len(force) == 3)
         if solid and isinstance(force, tuple) and force == (0.0, 0.0):
             force = (0.0, 0.0, 0.0)
         if solid and real(torque) == 0.0:
@@ -68,5 +68,6 @@ class BodyForce:
         return len(self.force)
 
 
-def _is_vector(value: Any) -> bool:
+def is_vector(value: Any) -> bool:
+    """Whether a value has components, whatever these are."""
     return hasattr(value, "__len__") and getattr(value, "ndim", 1) == 1 and not isinstance(value, str)

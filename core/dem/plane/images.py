@@ -11,7 +11,7 @@ from ninedisk.core.dem.preload import check_preload
 from ninedisk.core.dem.state import OK, DiskArrays, Images, NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, NonFiniteStateError
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
+from ninedisk.core.scene import AnyScene, Scene
 from ninedisk.core.scene.cell import Cell
 
 
@@ -42,7 +42,7 @@ def with_more_pairs(images: Images, capacity: int, used: int) -> Images:
     return images._replace(shift=shift, spare=np.zeros(2 * capacity))
 
 
-def check_cell(scene: Scene, numerics: Numerics) -> None:
+def check_cell(scene: AnyScene, numerics: Numerics) -> None:
     """Refuse a cell that a disk does not fit into at some time of the run, and bodies with outlines.
 
     Raises
@@ -52,14 +52,14 @@ def check_cell(scene: Scene, numerics: Numerics) -> None:
     cell = scene.cell
     if cell is None:
         return
-    if np.any(scene.disks.outline >= 0):
+    if isinstance(scene, Scene) and np.any(scene.disks.outline >= 0):
         raise InvalidSceneError(
             f"body {int(np.argmax(scene.disks.outline >= 0))} has an outline, which the DEM does not have in a periodic cell: use disks, "
             "or leave out the cell"
         )
-    least = float(scene.disks.radius.max())
+    least = float(scene.bodies.radius.max())
     end = numerics.dt * numerics.n_steps
-    for axis, name in enumerate("xy"):
+    for axis, name in enumerate("xyz"[: cell.dimension]):
         size, rate = cell.size[axis], cell.rate[axis][axis]
         if size < least:
             raise InvalidSceneError(

@@ -15,10 +15,10 @@ from ninedisk.core.dem.space.neighbour_kernels import Materials
 from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.registers import WIDE
 from ninedisk.core.dem.space.scratch_kernels import CHUNK
-from ninedisk.core.dem.space.state import Contacts, Losses, Motion, Pushes
+from ninedisk.core.dem.space.state import Contacts, Images, Losses, Motion, Pushes
 from ninedisk.core.dem.space.step_kernels import BATCH, Batch, Damping
 from ninedisk.core.law import Rolling, SphereLaw
-from ninedisk.core.scene import PlaneSegment, PlaneWall, SphereScene
+from ninedisk.core.scene import Cell, PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.thread_kernels import PAD
 
 RULES = {"none": columns.KEEPS, "force": columns.FORCE, "rescale": columns.RESCALE}
@@ -74,6 +74,36 @@ def no_losses(stripes: int, planes: int) -> Losses:
         work=np.zeros(1),
         force_work=np.zeros(1),
     )
+
+
+def image_arrays(cell: Cell, n: int, widest: float) -> Images:
+    """Images of n spheres at time 0."""
+    return Images(
+        size=np.array(cell.size),
+        rate=np.array(cell.rate) @ np.diag(cell.size),
+        now=cell.edges(0.0),
+        built=cell.edges(0.0),
+        home=np.zeros((n, 3)),
+        widest=np.array([widest]),
+        share=np.zeros(10),
+        power=np.zeros(1),
+        work=np.zeros(1),
+    )
+
+
+def nearest(apart: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The shortest of the vectors [m] to the images of a body ``apart`` [m]; edges are the columns of an upper triangular matrix.
+
+    Of the layers of images the nearest ones are beside the one that rounding finds, or are that one; along the first edge it is that one.
+    """
+    best = apart
+    for above in (-1.0, 0.0, 1.0):
+        one = apart - (np.round(apart[2] / edges[2, 2]) + above) * edges[:, 2]
+        for aside in (-1.0, 0.0, 1.0):
+            two = one - (np.round(one[1] / edges[1, 1]) + aside) * edges[:, 1]
+            two = two - np.round(two[0] / edges[0, 0]) * edges[:, 0]
+            best = min(best, two, key=np.linalg.norm)
+    return best
 
 
 def list_of(arrays: dict[str, NDArray[Any]]) -> Contacts:

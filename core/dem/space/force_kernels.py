@@ -15,6 +15,7 @@ from math import sqrt
 import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel
+from ninedisk.core.dem.space.image_kernels import add_share, image_vector, take_motion
 from ninedisk.core.dem.space.law_kernels import (
     compliance,
     contact,
@@ -39,6 +40,7 @@ from ninedisk.core.dem.space.scratch_kernels import (
     DASHPOT_TURNS_ROWS,
     DV,
     DV_ROWS,
+    FOUR,
     FS,
     ITS_DRAG,
     ITS_NECK,
@@ -60,6 +62,7 @@ from ninedisk.core.dem.space.scratch_kernels import (
     SPRINGS,
     TURNS,
     TURNS_ROWS,
+    TWO,
     D,
     keep_memories,
     last,
@@ -97,6 +100,7 @@ from ninedisk.core.dem.space.state import (
     Contacts,
     Desk,
     Floats,
+    Images,
     Index,
     Losses,
     Planes,
@@ -293,13 +297,34 @@ def pick_with_necks(
     return k, count
 
 
+@inline_kernel
+def pick_with_images(
+    state: State, pairs: Contacts, images: Images, k: np.uint64, end: np.uint64, desk: Desk
+) -> tuple[np.uint64, np.uint64]:
+    """`pick` of spheres and images."""
+    x, radius, scratch, picked = state.x, state.radius, desk.scratch, desk.picked
+    rows, other, count = pairs.row, pairs.other, np.uint64(0)
+    while k < end and count < NEXT:
+        i, j = np.uint64(rows[k]), np.uint64(other[k])
+        blend(scratch, D_ROWS + count, 1.0, x, j, -1.0, x, i)
+        dx, dy, dz = plus(xyz(scratch, D_ROWS + count), 1.0, image_vector(images.now, pairs, k))
+        at = FOUR * (D_ROWS + count)
+        scratch[at], scratch[at + ONE], scratch[at + TWO] = dx, dy, dz
+        reach = radius[i] + radius[j]
+        scratch[REACH + count] = reach
+        picked[count] = k
+        count += np.uint64(dx * dx + dy * dy + dz * dz < reach * reach)
+        k += ONE
+    return k, count
+
+
 @fused_kernel
 def forces_of_spheres(
-    state: State, pairs: Contacts, laws: Floats, losses: Losses | None, step: Step, begin: int, end: int, desk: Desk
-) -> None:
+    state: State, pairs: Contacts, laws: Floats, losses: Losses | None, images: Images | None, step: Step, begin: int, end: int, desk: Desk
+) -> None:  # fmt: skip
     """Add the forces of the listed pairs of the rows ``begin .. end-1``; update their memory.
 
-    ``losses`` None: they are not counted, and the compiler leaves out whatever concerns them.
+    ``losses`` None: they are not counted, and the compiler leaves out whatever concerns them; likewise ``images``.
     """
     v, omega, radius, force, torque = state.v, state.omega, state.radius, state.force, state.torque
     rows, other, scratch, picked = pairs.row, pairs.other, desk.scratch, desk.picked
@@ -312,7 +337,9 @@ def forces_of_spheres(
         end_of_contacts(state, pairs, laws, losses, desk.slot % losses.contacts.shape[0], first, end_of_list)
     k = first
     while k < end_of_list:
-        if sticky:
+        if images is not None:
+            k, count = pick_with_images(state, pairs, images, k, end_of_list, desk)
+        elif sticky:
             k, count = pick_with_necks(state, pairs, k, end_of_list, desk)
         else:
             k, count = pick(state, pairs, k, end_of_list, desk)
@@ -324,6 +351,8 @@ def forces_of_spheres(
             blend(scratch, SPINS_ROWS + q, 1.0, omega, i, 1.0, omega, j)
             if step.central:
                 blend(scratch, DASHPOT_ROWS + q, 1.0, state.v_now, i, -1.0, state.v_now, j)
+            if images is not None:
+                take_motion(pairs, images, m, q, step.central, scratch)
             if resisted:
                 blend(scratch, TURNS_ROWS + q, 1.0, omega, i, -1.0, omega, j)
                 if step.central:
@@ -358,6 +387,8 @@ def forces_of_spheres(
             m = np.uint64(picked[q])
             i, j = np.uint64(rows[m]), np.uint64(other[m])
             arm_loss = scratch[ARM_LOSS + q]
+            if images is not None:
+                add_share(pairs, images, m, q, scratch)
             blend(force, i, 1.0, force, i, 1.0, scratch, PUSH_ROWS + q)
             blend(force, j, 1.0, force, j, -1.0, scratch, PUSH_ROWS + q)
             blend(torque, i, 1.0, torque, i, radius[i] - arm_loss, scratch, CROSSED_ROWS + q)

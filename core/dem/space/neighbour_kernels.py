@@ -19,11 +19,13 @@ from ninedisk.core.dem.space.state import (
     BETA,
     DRAG,
     HERTZ,
+    IMAGE,
     KN,
     KS,
     MEMORY_WIDTH,
     MU,
     NECK,
+    NOTES_WIDTH_IMAGES,
     NOTES_WIDTH_STICKY,
     REDUCED,
     ROLL,
@@ -370,10 +372,12 @@ def widen_by_necks(contacts: Contacts, laws: Floats, overlap: Floats, radius: Fl
 
 
 @kernel
-def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, share: float, sums: Floats) -> None:
+def stiffest(
+    state: State, contacts: Contacts, laws: Floats, edges: Floats, at_planes: bool, share: float, sums: Floats
+) -> None:
     """Adds stiffness [1/s^2] and dashpots in C' [1/s] over the masses of listed pairs that touch to those of their spheres, shape (n, 2).
 
-    ``share`` of the dashpots is in C' (`ninedisk.core.dem.space.critical`).
+    ``share`` of the dashpots is in C' (`ninedisk.core.dem.space.critical`); ``edges`` are those of a periodic cell [m], where there is one.
 
     With p and q the ends of one spring and a, b its stiffnesses over the masses, ``(p - q)^2 <= (1 + b/a) p^2 + (1 + a/b) q^2``: no
     eigenvalue of the contacts together exceeds the largest sum of ``a + b`` over those of one sphere. Of a single contact it is that sum.
@@ -388,7 +392,11 @@ def stiffest(state: State, contacts: Contacts, laws: Floats, at_planes: bool, sh
                 overlap -= (x[WIDE * i + c] - state.now[j, c]) * state.now[j, 3 + c]
         else:
             for c in range(3):
-                distance += (x[WIDE * i + c] - x[WIDE * j + c]) ** 2
+                d = x[WIDE * i + c] - x[WIDE * j + c]
+                if contacts.notes.shape[1] == NOTES_WIDTH_IMAGES:  # i is the second one
+                    for e in range(3):
+                        d += edges[c, e] * contacts.notes[k, IMAGE + e]
+                distance += d**2
             overlap = state.radius[i] + state.radius[j] - sqrt(distance)
         law = laws[contacts.law[k]]
         gap = contacts.notes[k, NECK] if law[STICKS] > 0.0 else 0.0

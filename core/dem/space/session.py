@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import hypot, pi, sqrt
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from ninedisk.core.dem.arrays import aligned
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
+from ninedisk.core.dem.plane.images import check_cell
 from ninedisk.core.dem.session import Counts
 from ninedisk.core.dem.space import state as columns
 from ninedisk.core.dem.space.arrays import (
@@ -21,9 +23,11 @@ from ninedisk.core.dem.space.arrays import (
     compile_motion,
     dampings,
     empty_list,
+    image_arrays,
     in_rows,
     law_tables,
     list_of,
+    nearest,
     no_losses,
     push_arrays,
     roomier,
@@ -31,7 +35,9 @@ from ninedisk.core.dem.space.arrays import (
     xyz_rows,
 )
 from ninedisk.core.dem.space.critical import Network, critical_time_step
+from ninedisk.core.dem.space.image_kernels import POWER, list_images, place_cell, sort_into_images
 from ninedisk.core.dem.space.neighbour_kernels import (
+    REBUILD_COST,
     begin_lists,
     list_pairs,
     list_planes,
@@ -42,7 +48,7 @@ from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.preload import enter_preload, shear_by_pair
 from ninedisk.core.dem.space.registers import WIDE
 from ninedisk.core.dem.space.scratch_kernels import SCRATCH, SCRATCH_COUNTED
-from ninedisk.core.dem.space.state import Contacts, State
+from ninedisk.core.dem.space.state import Contacts, Images, State
 from ninedisk.core.dem.space.step_kernels import (
     AGAIN,
     BATCH,
@@ -71,6 +77,9 @@ from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_r
 from ninedisk.core.scene import PlaneWall, SphereScene
 from ninedisk.core.threads import check_threads, together
 from ninedisk.core.validate import kind_of, whole
+
+NEVER = 2**62
+"""Step at which nothing is foreseen."""
 
 STEPS_TIMES_SPHERES = 4_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
@@ -154,7 +163,7 @@ class SphereSession:
         self._share, self._drag = (1.0, 0.0) if self._central else (0.5, 0.5 * scene.xi)
         self._dampings = dampings(scene.xi, self.contact_dt, central=self._central)
         spheres = scene.spheres
-        in_order = n >= SORT_FROM
+        in_order = n >= SORT_FROM and scene.cell is None
         self._threads, self._in_order = threads if in_order else 1, in_order
         free = ~spheres.held
         inv_mass = np.where(free.any(axis=1), 1.0 / spheres.mass, 0.0)
@@ -202,8 +211,12 @@ class SphereSession:
         self._listed = np.arange(n)
         self._gravity = wide(np.array([scene.gravity]))
         notes = columns.NOTES_WIDTH_RESISTED if resisted else columns.NOTES_WIDTH
+        if sticky:
+            notes = columns.NOTES_WIDTH_STICKY
+        if scene.cell is not None:
+            notes = columns.NOTES_WIDTH_IMAGES
         width = (
-            columns.NOTES_WIDTH_STICKY if sticky else notes,
+            notes,
             columns.MEMORY_WIDTH_RESISTED if resisted else columns.MEMORY_WIDTH,
         )
         self._pairs = [empty_list(n, room, *width) for room in [PAIRS_PER_SPHERE * n + 16] * 2]
@@ -211,6 +224,7 @@ class SphereSession:
         counted = numerics.energy_budget
         self._batch = batch_arrays(stripes, m, self._threads, SCRATCH_COUNTED if counted else SCRATCH)
         self._losses = no_losses(stripes, m) if counted else None
+        self._images = None if scene.cell is None else image_arrays(scene.cell, n, widest)
         self._clock = np.array([0, 1, 0, -1, 0])
         self._front = max(1, FRONT // self._threads) if n >= FRONT_FROM else 1
         self._kept: dict[str, NDArray[Any]] = {}
@@ -232,13 +246,16 @@ class SphereSession:
                 "elastic",
                 "gravity",
                 *(LOSSES if counted else ()),
+                *(("cell_work",) if scene.cell is not None else ()),
             ),
             dimension=3,
         )
+        if scene.cell is not None:
+            self._history = replace(self._history, stress=np.full((len(self._samples), 2, 3, 3), np.nan))
         place_planes(self._motion, 0.0, self._state.now)
         self._rebuild()
         self._check_centres()
-        enter_preload(scene, self._laws, self._pairs[0], self._at_planes[0], self._state)
+        enter_preload(scene, self._laws, self._pairs[0], self._at_planes[0], self._state, self._images)
         self._remember()
         self._to(0)
 
@@ -374,6 +391,10 @@ class SphereSession:
         samples |= {"at": self._samples, "pairs": pairs, "chosen": self.chosen}
         single |= {f"samples.{name}": array for name, array in samples.items()}
         lists = {"pairs": self._pairs[0], "wall_pairs": self._at_planes[0]}
+        if self._images is not None:
+            single |= {
+                f"cell.{name}": getattr(self._images, name) for name in ("now", "built", "share", "power", "work")
+            }
         groups = {"spheres": self._state, **lists}
         if self._losses is not None:
             groups["losses"] = self._losses
@@ -391,8 +412,8 @@ class SphereSession:
                 self.scene.xi > 0.0,
                 *self._dampings,
             )
-            plan = Plan(goal, 1 if self._one_by_one else BATCH, self._front)
-            shared = (bodies, self._losses, self._motion, self._batch, clock, scheme, plan)
+            plan = Plan(goal, 1 if self._one_by_one or self._images is not None else BATCH, self._front)
+            shared = (bodies, self._losses, self._images, self._motion, self._batch, clock, scheme, plan)
             status = together(advance, self._threads, shared)
             if status == FAR:
                 self._rebuild()
@@ -447,6 +468,9 @@ class SphereSession:
         """New lists of neighbours, of spheres in their new order; what contacts remember goes along."""
         self._check_leaps()
         self._check_step()
+        if self._images is not None:
+            self._rebuild_images(self._images)
+            return
         state, clock, laws, materials, cells = self._state, self._clock, self._laws, self._materials, self._cells
         steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
         skin = begin_lists(state, listed, cells, self._batch.stripe, self._in_order, old, steps, self._sizes)
@@ -467,6 +491,37 @@ class SphereSession:
         self._placed = in_rows(self._pushes, state.name)
         self._remember()
 
+    def _rebuild_images(self, images: Images) -> None:
+        """New lists of spheres and images; spheres stay in the scene's order."""
+        state, clock, pairs = self._state, self._clock, self._pairs
+        mean, widest, least, most = self._sizes
+        steps = int(clock[STEP] - clock[BUILT])
+        skin = float(self._skin[0])
+        if steps:
+            skin = float(np.clip(sqrt(REBUILD_COST * mean * skin / steps), least, most))
+        place_cell(images, int(clock[STEP]) * self.contact_dt)
+        if not sort_into_images(state, images, 2.0 * widest + skin, self._cells):
+            raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
+        while not list_images(state, images, self._cells, self._materials, self._laws, skin, *pairs):
+            pairs[1] = roomier(pairs[1])
+        pairs.reverse()
+        state.built[:], images.built[:] = state.x, images.now
+        state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
+        self._batch.stripe[:] = 0, len(self._listed)
+        self._skin[0], clock[BUILT], clock[DUE] = skin, clock[STEP], NEVER
+        clock[REBUILDS] += 1
+        self._placed = in_rows(self._pushes, state.name)
+        self._remember()
+
+    def _apart(self, listed: Contacts) -> NDArray[np.float64]:
+        """Vectors [m] of the listed pairs of spheres, from the first centre to the second one or its image."""
+        row, other, notes = (array[: listed.start[-1]] for array in (listed.row, listed.other, listed.notes))
+        x = xyz_rows(self._state.x)
+        apart = x[other] - x[row]
+        if self._images is not None:
+            apart = apart + notes[:, columns.IMAGE : columns.IMAGE + 3] @ self._images.now.T
+        return apart
+
     def _contacts(self) -> Listed:
         """Pairs in the lists: bodies by rows of the state and numbers of the planes, and what is known of them."""
         state, parts = self._state, []
@@ -479,7 +534,7 @@ class SphereSession:
                 overlap = state.radius[other] - height
             else:
                 bodies = np.column_stack([row, other]).astype(np.int64)
-                overlap = state.radius[row] + state.radius[other] - np.linalg.norm(x[other] - x[row], axis=1)
+                overlap = state.radius[row] + state.radius[other] - np.linalg.norm(self._apart(contacts), axis=1)
             radius = np.zeros(len(overlap))
             widen_by_necks(contacts, self._laws, overlap, radius)
             parts.append((bodies, law, overlap, radius, notes, memory, force))
@@ -489,7 +544,8 @@ class SphereSession:
         """Hold the contact step against the critical one of the present contacts together, each with its present stiffness."""
         sums = np.zeros((len(self._listed), 2))
         for contacts, at_planes in ((self._pairs[0], False), (self._at_planes[0], True)):
-            stiffest(self._state, contacts, self._laws, at_planes, self._share, sums)
+            edges = np.zeros((3, 3)) if self._images is None else self._images.now
+            stiffest(self._state, contacts, self._laws, edges, at_planes, self._share, sums)
         bound = (0.25 * self.contact_dt * sums[:, 0] + sums[:, 1] + self._drag) * self.contact_dt
         if self.numerics.allow_unstable or bound.max() <= 1.0:
             return
@@ -507,6 +563,15 @@ class SphereSession:
         """Raise if spheres that meet move too far in a step."""
         state, scene, dt = self._state, self.scene, self.contact_dt
         v = xyz_rows(state.v)
+        if self._images is not None:  # beside the cell's flow, where all may meet
+            flow = self._images.rate @ np.linalg.inv(self._images.now)
+            v = v - xyz_rows(state.x) @ flow.T
+            i = int(np.argmax(np.linalg.norm(v - v.mean(axis=0), axis=1)))
+            j = int(np.argmax(np.linalg.norm(v - v[i], axis=1)))
+            if self._clock[STEP] > 0 and (way := dt * float(np.linalg.norm(v[i] - v[j]))) > self._least:
+                i, j = sorted((i, j))
+                raise scene.too_fast(i, scene.body_name(j), way, self._least, float(self._clock[STEP] * dt), dt)
+            return
         if self._clock[STEP] == 0 or not dt * np.linalg.norm(np.ptp(v, axis=0)) > self._least:
             return
         place = np.argsort(state.name)
@@ -521,7 +586,7 @@ class SphereSession:
         """Raise if the centres of two spheres coincide that can touch: `InvalidSceneError`, on the way `NonFiniteStateError`."""
         x, name, pairs = xyz_rows(self._state.x), self._state.name, self._pairs[0]
         row, other = (array[: pairs.start[-1]] for array in (pairs.row, pairs.other))
-        same = np.flatnonzero((x[row] == x[other]).all(axis=1))
+        same = np.flatnonzero((self._apart(pairs) == 0.0).all(axis=1))
         if len(same):
             i, j = sorted(int(name[rows[same[0]]]) for rows in (row, other))
             place = ", ".join(f"{each:g}" for each in x[row[same[0]]])
@@ -542,10 +607,11 @@ class SphereSession:
         )
         laws, at_plane = self._laws[law], number[:, 1] >= n
         hertz = laws[:, columns.HERTZ] > 0.0
-        x, normal = xyz_rows(state.x), np.empty((len(law), 3))
+        normal = np.empty((len(law), 3))
         normal[at_plane] = -state.now[number[at_plane, 1] - n, 3:6]
-        i, j = number[~at_plane].T
-        normal[~at_plane] = (x[j] - x[i]) / np.linalg.norm(x[j] - x[i], axis=1)[:, None]
+        apart = self._apart(self._pairs[0])
+        apart = apart[contacts.radius[: len(apart)] > 0.0]
+        normal[~at_plane] = apart / np.linalg.norm(apart, axis=1)[:, None]
         springs, dashpots = np.zeros((2, len(law), 4))
         springs[:, 0] = laws[:, columns.KN] * np.where(hertz, 1.5 * radius, 1.0)
         springs[:, 1] = laws[:, columns.KS] * np.where(hertz, radius, 1.0) * (laws[:, columns.MU] > 0.0)
@@ -586,7 +652,10 @@ class SphereSession:
             state.load,
         )
         contacts = self._contacts()
-        listed = {(int(i), int(j)): k for k, (i, j) in enumerate(contacts.bodies)} if self.pairs else {}
+        listed: dict[tuple[int, int], int] = {}
+        if self.pairs:  # of several images the nearest one
+            order = np.argsort(contacts.overlap, kind="stable")
+            listed = {(int(i), int(j)): int(k) for k, (i, j) in zip(order, contacts.bodies[order], strict=True)}
         for column, pair in enumerate(self.pairs):
             first, second = (int(place[body]) if body < len(x) else body for body in pair)
             i, j, side = (first, second, 1.0) if first < second else (second, first, -1.0)
@@ -594,6 +663,14 @@ class SphereSession:
             found = contacts.force[listed[i, j]] if (i, j) in listed else np.zeros(4)
             history.fn[k, column], history.fs[k, column] = found[0], side * found[1:]
         energy = history.energy
+        if self._images is not None and history.stress is not None:
+            volume = float(np.prod(np.diag(self._images.now)))
+            flow = self._images.rate @ np.linalg.inv(self._images.now)
+            beside = v - x @ flow.T
+            beside = (beside - np.average(beside, axis=0, weights=mass)) * (state.mass > 0.0)[:, None]
+            history.stress[k, 0] = -self._images.share[:POWER].reshape(3, 3) / volume
+            history.stress[k, 1] = (mass[:, None] * beside).T @ beside / volume
+            energy["cell_work"][k] = self._images.work[0]
         energy["translation"][k] = 0.5 * float(np.sum(mass * np.sum(v**2, axis=1)))
         energy["rotation"][k] = 0.5 * float(np.sum(inertia * np.sum(omega**2, axis=1)))
         energy["kinetic"][k] = energy["translation"][k] + energy["rotation"][k]
@@ -632,7 +709,10 @@ class SphereSession:
         state, n = self._state, len(self.scene.spheres)
         x = xyz_rows(state.x)
         if j < n:
-            return float(np.linalg.norm(x[j] - x[i]) - state.radius[i] - state.radius[j])
+            apart = x[j] - x[i]
+            if self._images is not None:
+                apart = nearest(apart, self._images.now)
+            return float(np.linalg.norm(apart) - state.radius[i] - state.radius[j])
         pose = state.now[j - n]
         return float((x[i] - pose[:3]) @ pose[3:6] - state.radius[i])
 
@@ -701,6 +781,8 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     radius = float(spheres.radius.min())
     extent = float(np.ptp(spheres.x, axis=0).max()) + 2.0 * float(spheres.radius.max())
     wall = max((_wall_speed(each) for each in scene.walls), default=0.0)
+    if scene.cell is not None:
+        wall = float(np.linalg.norm(np.array(scene.cell.rate) @ np.diag(scene.cell.size)))
     speed = (
         2.0 * float(np.linalg.norm(spheres.v, axis=1).max())
         + wall
@@ -712,7 +794,7 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     about = inverse * spin / np.where(movable, inverse + spheres.radius**2 * spin, 1.0)
     own = np.zeros((2, len(spheres)))
     for law, alone in (
-        [(scene.sphere_sphere, False)] * (len(spheres) > 1)
+        [(scene.sphere_sphere, False)] * (len(spheres) > 1 or scene.cell is not None)
         + [(w.law, True) for w in scene.walls]
         + [(law, False) for law in scene.laws.values()]
     ):
@@ -752,7 +834,7 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
             own = np.maximum(own, [stiff, share * slowed])
     if numerics.contact_dt is None:
         room = np.floor(2.0 / (1.0 - np.cos(np.arcsin(radius / (spheres.radius + radius)))))
-        contacts = np.minimum(room, len(spheres) - 1.0) + len(scene.walls)
+        contacts = room if scene.cell is not None else np.minimum(room, len(spheres) - 1.0) + len(scene.walls)
         packed = min(
             (_limit(2.0 * k, 2.0 * c + slowing) for k, c in zip(*(contacts * own).tolist(), strict=True)),
             default=np.inf,
@@ -807,6 +889,11 @@ def _check(scene: SphereScene, numerics: Numerics) -> None:
         raise InvalidNumericsError(
             "energy_budget = True is not allowed with surface = 'jkr': what a neck takes where it breaks is no channel; leave it out"
         )
+    check_cell(scene, numerics)
+    if scene.cell is not None and numerics.energy_budget:
+        raise InvalidNumericsError("energy_budget = True is not allowed in a periodic cell: leave it out, or the cell")
+    if scene.cell is not None and any(law.sticks for law in scene.laws_in_use):
+        raise InvalidSceneError("surface = 'jkr' is not allowed in a periodic cell: use 'dmt', or leave out the cell")
     spheres = scene.spheres
     driven = (spheres.held & (spheres.v != 0.0)).any(axis=1) | (~spheres.rotating & spheres.omega.any(axis=1))
     if numerics.energy_budget and driven.any():

@@ -32,9 +32,12 @@ MEMORY_WIDTH, MEMORY_WIDTH_RESISTED = 4, 8
 Where it was in the step before, and whether it was open then, so that it has nothing to remember, follows from ``x - dt v``."""
 
 DRAG, ROLL_DRAG, TWIST_DRAG, NECK = range(4)
-NOTES_WIDTH, NOTES_WIDTH_RESISTED, NOTES_WIDTH_STICKY = 1, 3, 4
+NOTES_WIDTH, NOTES_WIDTH_RESISTED, NOTES_WIDTH_STICKY, NOTES_WIDTH_IMAGES = 1, 3, 4, 7
 """Columns of what is noted of a listed pair, coefficients of its dashpots: along the normal [N s/m], with Hertz' law over the root of the
-contact radius, and of the resistances [N m s]; with JKR's law the gap [m] at which its neck breaks, < 0 while there is none."""
+contact radius, and of the resistances [N m s]; with JKR's law the gap [m] at which its neck breaks, < 0 while there is none. In a
+periodic cell, which has no such necks, the whole numbers of its image follow."""
+IMAGE = 4
+"""First of the columns of the image."""
 
 FRICTION, DASHPOT, ROLLED_ON, ROLLING_DASHPOT, OF_LAW = range(5)
 """Channels of `Losses`: sliding, dashpots, resistances beyond their springs, their dashpots, and what the law itself takes (< 0: feeds): a
@@ -130,6 +133,36 @@ class Pushes(NamedTuple):
     row: Integers
     load: Floats
     time: Floats
+
+
+class Images(NamedTuple):
+    """A periodic cell of n spheres.
+
+    Attributes
+    ----------
+    size, rate : ndarray, shape (3,) and (3, 3)
+        Edges at time 0 [m], and ``h'`` [m/s].
+    now, built : ndarray, shape (3, 3)
+        ``h`` [m] in this step and at the last rebuild.
+    home : ndarray, shape (n, 3)
+        How many edges each sphere is away from the cell, at the last rebuild.
+    widest : ndarray, shape (1,)
+        Largest radius [m].
+    share : ndarray, shape (10,)
+        ``sum g (x) d`` of this step row by row [N m], and the power of the images [W].
+    power, work : ndarray, shape (1,)
+        That power in the step before [W], and the work of the images so far [J].
+    """
+
+    size: Floats
+    rate: Floats
+    now: Floats
+    built: Floats
+    home: Floats
+    widest: Floats
+    share: Floats
+    power: Floats
+    work: Floats
 
 
 class Step(NamedTuple):

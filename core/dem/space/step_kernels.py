@@ -23,10 +23,23 @@ from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.loads_kernels import share_of_kick
 from ninedisk.core.dem.plane.kick_kernels import NUMBER, farther
 from ninedisk.core.dem.space.force_kernels import forces_of_planes, forces_of_spheres
+from ninedisk.core.dem.space.image_kernels import POWER, beside_flow, clear_share, place_cell, room_left
 from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.registers import blend, scale
 from ninedisk.core.dem.space.scratch_kernels import FOUR, ONE, TWO
-from ninedisk.core.dem.space.state import Contacts, Desk, Floats, Integers, Losses, Motion, Planes, Pushes, State, Step
+from ninedisk.core.dem.space.state import (
+    Contacts,
+    Desk,
+    Floats,
+    Images,
+    Integers,
+    Losses,
+    Motion,
+    Planes,
+    Pushes,
+    State,
+    Step,
+)
 from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, scaled
 from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
 
@@ -256,8 +269,18 @@ def push(
 
 
 @inline_kernel
+def kicked(state: State, images: Images | None, scheme: Scheme, n: int, begin: int, end: int) -> float:
+    """`kick_and_drift` after step n, in a periodic cell with the largest displacement beside its flow."""
+    far = kick_and_drift(state, scheme, n == 0, begin, end)
+    if images is not None:
+        return beside_flow(state, images, (n + 1) * scheme.dt, begin, end)
+    return far
+
+
+@inline_kernel
 def step_of_stripe(
-    bodies: Assembly, losses: Losses | None, batch: Batch, scheme: Scheme, plan: Plan, n: int, level: int, s: int, thread: int
+    bodies: Assembly, losses: Losses | None, images: Images | None, batch: Batch, scheme: Scheme, plan: Plan,
+    n: int, level: int, s: int, thread: int,
 ) -> float:  # fmt: skip
     """Forces of the rows of a stripe in step n; unless it is the last one the stripe's spheres are kicked, too.
 
@@ -287,15 +310,17 @@ def step_of_stripe(
     if losses is not None and not moves_on:
         for c in range(losses.before.shape[1]):
             losses.before[s, c] = losses.contacts[s, c]
+    if images is not None:
+        clear_share(images)
     far, end = 0.0, batch.stripe[s + 1]
     for low in range(batch.stripe[s], end, BLOCK):
         high = min(low + BLOCK, end)
         if bodies.pushes.row.shape[0] > 0:
             push(state, bodies.pushes, losses, n, scheme.dt, low, high, desk.slot)
-        forces_of_spheres(state, bodies.pairs, laws, losses, step, low, high, desk)
+        forces_of_spheres(state, bodies.pairs, laws, losses, images, step, low, high, desk)
         forces_of_planes(state, planes, bodies.at_planes, laws, losses, step, low, high, desk)
         if moves_on:
-            far = farther(far, kick_and_drift(state, scheme, n == 0, low, high))
+            far = farther(far, kicked(state, images, scheme, n, low, high))
     return far
 
 
@@ -364,7 +389,9 @@ def begin_batch(batch: Batch, motion: Motion, n: int, count: int, dt: float) -> 
 
 
 @inline_kernel
-def end_batch(state: State, losses: Losses | None, batch: Batch, n: int, count: int, dt: float) -> None:
+def end_batch(
+    state: State, losses: Losses | None, images: Images | None, batch: Batch, n: int, count: int, dt: float
+) -> None:
     """Loads of the planes after ``count`` steps from n on, and what they have worked in each."""
     stripes = batch.stripe.shape[0] - 1
     if losses is not None:
@@ -372,11 +399,14 @@ def end_batch(state: State, losses: Losses | None, batch: Batch, n: int, count: 
             gather_loads(state, level, stripes)
             work_of_step(state, planes_of(batch.pose[level]), losses, dt if n + level > 0 else 0.0, level, stripes)
     gather_loads(state, count - 1, stripes)
+    if images is not None and n > 0:
+        images.work[0] += 0.5 * dt * (images.power[0] + images.share[POWER])
 
 
 @inline_kernel
 def steps_at_once(
-    bodies: Assembly, losses: Losses | None, batch: Batch, scheme: Scheme, plan: Plan, n: int, count: int, thread: int, threads: int
+    bodies: Assembly, losses: Losses | None, images: Images | None, batch: Batch, scheme: Scheme, plan: Plan,
+    n: int, count: int, thread: int, threads: int,
 ) -> None:  # fmt: skip
     """The ``count`` steps from n on: this thread's.
 
@@ -397,7 +427,7 @@ def steps_at_once(
                 reached(batch.done, before * PAD, (turn - 1) * places + min(p + plan.front + 1, places))
             for k in range(max(0, p - stripes + 1), min(steps, p + 1)):
                 level = first + k
-                far = step_of_stripe(bodies, losses, batch, scheme, plan, n + level, level, p - k, thread)
+                far = step_of_stripe(bodies, losses, images, batch, scheme, plan, n + level, level, p - k, thread)
                 at = thread * PAD + int(level == count - 1)
                 batch.far[at] = farther(batch.far[at], far)
             if threads > 1:
@@ -406,13 +436,13 @@ def steps_at_once(
 
 @kernel
 def advance(
-    thread: int, threads: int, bodies: Assembly, losses: Losses | None, motion: Motion, batch: Batch, clock: Integers, scheme: Scheme,
-    plan: Plan,
+    thread: int, threads: int, bodies: Assembly, losses: Losses | None, images: Images | None, motion: Motion, batch: Batch,
+    clock: Integers, scheme: Scheme, plan: Plan,
 ) -> int:  # fmt: skip
     """Steps until ``clock[STEP]`` is ``plan.target``, with its forces; all threads call it with the same arguments but their number.
 
     Lists are too old where a sphere has moved by more than half of the skin, or at ``clock[DUE]`` is foreseen to: that depends on the
-    motion alone, not on how many steps are done at once.
+    motion alone, not on how many steps are done at once. In a periodic cell, where one thread does one step at a time, nothing is foreseen.
 
     Returns
     -------
@@ -425,12 +455,15 @@ def advance(
     mine = thread * PAD
     wait_for_all(batch.flags, thread, threads)
     if moved:
-        batch.far[mine + 1] = kick_and_drift(state, scheme, n == 0, begin, end)
+        batch.far[mine + 1] = kicked(state, images, scheme, n, begin, end)
         n += 1
     while True:
         if thread == 0:
             clock[STEP], clock[PENDING] = n, 1
             place_planes(motion, n * dt, state.now)
+        if images is not None:
+            place_cell(images, n * dt)
+            skin = 2.0 * room_left(images, scheme.skin)
         if n == due:
             batch.far[mine + 1] = foreseen(state, FORESEEN * dt, begin, end)
         wait_for_all(batch.flags, thread, threads)
@@ -444,7 +477,7 @@ def advance(
             begin_batch(batch, motion, n, count, dt)
         batch.done[mine] = 0
         wait_for_all(batch.flags, thread, threads)
-        steps_at_once(bodies, losses, batch, scheme, plan, n, count, thread, threads)
+        steps_at_once(bodies, losses, images, batch, scheme, plan, n, count, thread, threads)
         wait_for_all(batch.flags, thread, threads)
         behind = any_behind(state)
         if count > 1 and (behind or too_far(farthest_of_all(batch, 0, threads), skin)):
@@ -452,7 +485,7 @@ def advance(
         if behind:
             return BEHIND
         if thread == 0:
-            end_batch(state, losses, batch, n, count, dt)
+            end_batch(state, losses, images, batch, n, count, dt)
         n += count
         moved = True
         if n > plan.target:
