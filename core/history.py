@@ -58,9 +58,9 @@ class History:
         law fed since time 0, which friction alone lets them do: summed over the contacts that feed; and with the budget ``held_work``,
         what was fed by what holds disks in their course, and ``scheme_loss``, what the implicit scheme itself takes (< 0: feeds): with
         these two the budget closes to round-off.
-    stress : ndarray, shape (s, 2, 2, 2), or None
-        Of a periodic cell: stress [N/m], compression positive, by contact forces (first) and by velocities beside the cell's affine
-        flow and the disks' mean one (second); row a, column b is the force along a on an edge whose normal is b. None: there is no
+    stress : ndarray, shape (s, 2, d, d), or None
+        Of a periodic cell: stress [N/m], in 3D [Pa], compression positive, by contact forces (first) and by velocities beside the
+        cell's affine flow and the bodies' mean one (second); row a, column b is the force along a on an edge or face whose normal is b. None: there is no
         cell, or it was not observed.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.

@@ -63,6 +63,7 @@ class Capability(StrEnum):
     PRELOAD_3D = "shear forces that contacts of spheres carry from the start"
     BODY_FORCES_3D = "forces and torques on single spheres, by segments of time"
     COHESION_3D = "linear cohesion of spheres beside the normal spring"
+    PERIODIC_CELL_3D = "periodic cell of spheres, at rest or deforming affinely"
 
 
 def wire_name(capability: Capability) -> str:
@@ -137,6 +138,7 @@ IN_3D: Mapping[Capability, Capability] = {
     Capability.PRELOAD: Capability.PRELOAD_3D,
     Capability.BODY_FORCES: Capability.BODY_FORCES_3D,
     Capability.COHESION: Capability.COHESION_3D,
+    Capability.PERIODIC_CELL: Capability.PERIODIC_CELL_3D,
 }
 """What a scene in 3D asks for instead: an engine that has these in 2D need not have them in 3D."""
 
@@ -221,6 +223,8 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
         need.add(Capability.BODY_FORCES)
     if any(np.any(force) for force in scene.initial_shear.values()):
         need.add(Capability.PRELOAD)
+    if scene.cell is not None:
+        need.add(Capability.PERIODIC_CELL)
     if isinstance(scene, Scene):
         return frozenset(need | _needed_in_2d(scene))
     return frozenset(IN_3D.get(each, each) for each in need)
@@ -231,8 +235,6 @@ def _needed_in_2d(scene: Scene) -> set[Capability]:
     need = set()
     if (scene.disks.outline >= 0).any():
         need.add(Capability.OUTLINES)
-    if scene.cell is not None:
-        need.add(Capability.PERIODIC_CELL)
     if scene.disks.rotating.any() and any(law.mu > 0.0 for law in scene.laws_in_use):
         need.add(Capability.DISK_INERTIA)
     return need

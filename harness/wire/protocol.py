@@ -248,7 +248,9 @@ def _history(
     }
     fields: dict[str, Any] = {**arrays}
     if data.get("stress") is not None:
-        fields["stress"] = float_array(data["stress"], "history.stress", (len(steps), 2, 2, 2))
+        fields["stress"] = float_array(
+            data["stress"], "history.stress", (len(steps), 2, scene.dimension, scene.dimension)
+        )
     return History(step=steps, pairs=pairs, force_meaning=data["force_meaning"], energy=energy, **fields)
 
 

@@ -25,6 +25,7 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         Capability.BODY_FORCES_3D: lambda: space_loads.pushed(info),
         Capability.PRELOAD_3D: lambda: space_loads.preloaded(info),
         Capability.COHESION_3D: lambda: space_loads.stuck_deep(info),
+        Capability.PERIODIC_CELL_3D: lambda: space_loads.across_the_edge(info),
         **(
             {}
             if info.plane

@@ -9,7 +9,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import BodyForce, SphereScene
+from ninedisk.core.scene import BodyForce, Cell, Spheres, SphereScene
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.adapter.probes import (
     FIRST_ORDER,
@@ -24,6 +24,7 @@ from ninedisk.harness.cases.adapter.probes import (
     Probe,
     R,
     damping_factor,
+    has_springs,
     round_off,
 )
 from ninedisk.harness.cases.adapter.space import ALONG, UP, alone, law, on_floor, probe_of_spheres
@@ -116,3 +117,25 @@ def stuck_deep(info: EngineInfo) -> Probe:
         ]  # fmt: skip
 
     return probe_of_spheres("cohesion of spheres", scene, numerics, closed_forms)
+
+
+def across_the_edge(info: EngineInfo) -> Probe:
+    """Two spheres that meet through the third face of a periodic cell only, exchange their velocities, and are back where they began."""
+    speed, free = 0.5, 0.2
+    contact = law(info, **({} if has_springs(info) else {"restitution": 1.0}))
+    x = np.array([[1.0, 1.5, 0.5 * free + R], [1.0, 1.5, 4.0 - 0.5 * free - R]])
+    v = np.array([[0.0, 0.0, -speed], [0.0, 0.0, speed]])
+    scene = SphereScene(
+        spheres=Spheres(x=x, v=v, radius=R, mass=M), sphere_sphere=contact, cell=Cell(size=(3.0, 3.5, 4.0))
+    )
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why, bound = "a twentieth: the phase of the impact in the contact step", 0.05
+        mend = "each sphere has images one edge of SphereScene.cell away; positions are not put back into the cell"
+        return [
+            ClosedForm(quantity="v", unit="m/s", value=history.v[-1], expected=-v, bound=bound * speed, why=why, mend=mend),
+            ClosedForm(quantity="x", unit="m", value=history.x[-1], expected=x, bound=bound * free, why=why, mend=mend),
+        ]  # fmt: skip
+
+    numerics = Numerics(dt=0.002, n_steps=200, sample_from=200, impact="newton")
+    return probe_of_spheres("periodic cell of spheres", scene, numerics, closed_forms)

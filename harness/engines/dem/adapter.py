@@ -44,6 +44,9 @@ DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENE
 LACKS_3D = LACKS - {Capability.HELD_MOTION}
 """What is lacking in 3D, where a sphere's velocity can be held."""
 
+LACKS_IN_CELL = LACKS_3D | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
+"""And in a periodic cell in 3D."""
+
 
 class DemEngine:
     """`ninedisk.core.dem` and, in 3D, `ninedisk.core.dem.space`: central differences, contact springs."""
@@ -126,7 +129,7 @@ class DemEngine:
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
     if isinstance(scene, SphereScene):
-        return LACKS_3D
+        return LACKS_3D if scene.cell is None else LACKS_IN_CELL
     return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 

@@ -301,6 +301,11 @@ PLANTED = {
     "no rolling spring": ("supports: ROLLING_SPRING", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
     "no cohesion": ("supports: COHESION", Planted(scene=laws(cohesion=0.0), support=EXACT), "overlap is"),
     "no adhesion": ("supports: ADHESION", Planted(scene=laws(adhesion=0.0), support=EXACT), "y is"),
+    "no images of spheres": (
+        "supports: PERIODIC_CELL_3D",
+        Planted(scene=lambda s: s.replace(cell=None), support=EXACT),
+        "v is",
+    ),
     "no images": ("supports: PERIODIC_CELL", Planted(scene=lambda s: s.replace(cell=None), support=EXACT), "v is"),
     "no losses told": (
         "supports: ENERGY_BUDGET",

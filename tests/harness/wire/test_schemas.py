@@ -98,7 +98,7 @@ def test_keys_are_the_fields_of_the_dataclasses() -> None:
     assert keys(SCENE["wall"]) == names(Wall)
     assert keys(SCENE["segment"]) == names(WallSegment)
     assert keys(SCENE["force"]) == keys(SCENE["sphere_force"]) == names(BodyForce)
-    assert keys(SCENE["plane"]["properties"]["cell"]) == names(Cell)
+    assert keys(SCENE["plane"]["properties"]["cell"]) == keys(SCENE["space"]["properties"]["cell"]) == names(Cell)
     assert keys(SCENE["law"]["properties"]["rolling"]) == names(Rolling)
     assert keys(SCENE["space"], LEFT_OUT | {"xi", "initial_shear"}) == names(SphereScene) | {"dimension"}
     assert keys(SCENE["spheres"]) == names(Spheres)
