@@ -76,10 +76,11 @@ class Segment:
 
 @dataclass(frozen=True, kw_only=True)
 class WallSegment(Segment):
-    """A `Segment` in 2D.
+    """One piece of a wall's prescribed motion in 2D, exact in time.
 
-    The pivot is displaced by ``tan_lever tan(tan_rate tau)`` as well: the exact motion of a cap that follows a side wall rotating at
-    a constant rate.
+    With ``tau`` the time since the segment began, the wall's pivot is displaced by
+    ``velocity tau + amplitude (sin(frequency tau + phase) - sin(phase)) + tan_lever tan(tan_rate tau)``, and the wall turns about that
+    pivot by ``angular_velocity tau``. The tangent is the exact motion of a cap that follows a side wall rotating at a constant rate.
 
     Parameters
     ----------
@@ -125,7 +126,11 @@ class WallSegment(Segment):
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneSegment(Segment):
-    """A `Segment` in 3D.
+    """One piece of a wall's prescribed motion in 3D, exact in time.
+
+    With ``tau`` the time since the segment began, the wall's pivot is displaced by
+    ``velocity tau + amplitude (sin(frequency tau + phase) - sin(phase))``, and the wall turns about an axis through that pivot by
+    ``angular_velocity tau``.
 
     Parameters
     ----------
@@ -227,7 +232,7 @@ class AnyWall:
 
 @dataclass(frozen=True, kw_only=True)
 class Wall(AnyWall):
-    """A rigid half-plane in 2D with prescribed motion.
+    """A rigid half-plane in 2D with prescribed motion; bodies live on the side its normal points to.
 
     Parameters
     ----------
@@ -257,7 +262,7 @@ class Wall(AnyWall):
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneWall(AnyWall):
-    """A rigid half-space in 3D with prescribed motion.
+    """A rigid half-space in 3D with prescribed motion; bodies live on the side its normal points to.
 
     Parameters
     ----------

@@ -255,20 +255,20 @@ class Check:
         "max": largest absolute difference of a series over ``window``; "scalar": a single number.
     truth : {"exact-step", "analytic", "published", "converged", "consensus"}
     expected : float or ndarray, shape (s,)
-        Truth at the sampled steps (NaN where it says nothing), or a number.
+        Truth at the sampled steps (NaN where it says nothing), or a number, in the quantity's unit.
     uncertainty : float
         Half-width of the truth's own uncertainty, in the quantity's unit.
     source : str
         Where the truth comes from.
     atol, rtol : float
-        The check passes if the error is at most ``atol + rtol max(|expected|, scale)``.
+        The check passes if the error is at most ``atol + rtol max(|expected|, scale)``; ``atol`` in the quantity's unit, ``rtol`` [-].
     why : str
         Reason of the tolerance.
     window : (int, int) or None
         First and last step that count.
     scale : float
-        Physical size that errors are relative to where the truth is smaller, zero or nearly so: a radius for a gap, the weight
-        for a force.
+        Physical size, in the quantity's unit, that errors are relative to where the truth is smaller, zero or nearly so: a radius for
+        a gap, the weight for a force.
     known : KnownDifference or None
         A declared difference of this engine that explains an error beyond the tolerance, up to its own size.
     gap_reason : str
@@ -317,7 +317,7 @@ class Headline:
     quantity : str
         Name in `Observed`; of a series the largest difference over ``window`` counts.
     expected : float or ndarray, shape (s,)
-        Truth of the continuous problem at the sampled steps (NaN where it says nothing), or a number.
+        Truth of the continuous problem at the sampled steps (NaN where it says nothing), or a number, in the quantity's unit.
     source : str
         Where that comes from.
     scale : float

@@ -171,7 +171,7 @@ class EngineInfo:
     dilates : bool
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
     softness : float or None
-        Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
+        Of engines whose contacts are soft: fraction [-] of the approach velocity that a contact does not remove in one step, by the
         engine's own regularisation; from 0 to `SOFTEST`. None: no such figure, judged as `SOFTEST`.
     softness_why : str
         Where that figure comes from.

@@ -46,7 +46,7 @@ class Size:
         Quantity of the same cell whose scale, the largest ``|expected|``, ``abs_error`` and ``value`` are divided by; "": the
         row's own quantity; "1": the quantity is relative as it is.
     over : float
-        The finding is there while the size is larger than this.
+        The finding is there while the size [-] is larger than this.
     over_why : str
         Why that and no other number: round-off, the order of the scheme, what a right engine shows.
     fails : bool

@@ -362,6 +362,7 @@ def to_unit(name: str, number: str, suffix: str, unit: str) -> float:
     Returns
     -------
     float
+        In ``unit``.
 
     Raises
     ------

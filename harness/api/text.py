@@ -14,6 +14,7 @@ def short(value: float) -> str:
     Parameters
     ----------
     value : float
+        In any unit.
 
     Returns
     -------
@@ -54,7 +55,7 @@ def times(base: float, head: float) -> str:
     Parameters
     ----------
     base : float
-        > 0.
+        In any unit, > 0.
     head : float
         In the unit of ``base``.
 

@@ -18,7 +18,7 @@ def moving_until(scene: Scene) -> float:
     Returns
     -------
     float
-        0 if no wall ever moves, inf if one never stops.
+        [s]; 0 if no wall ever moves, inf if one never stops.
 
     Examples
     --------

@@ -38,6 +38,9 @@ KINDS = {
 }
 """Kinds of parameters of `inspect`, and griffe's names for them."""
 
+ORDER = {"function": 0, "exception": 2}
+"""Place of a kind of object in its module; others are 1."""
+
 WIDE = 100
 """Characters of a signature on one line; a longer one has a line for each parameter."""
 
@@ -65,21 +68,22 @@ def public_objects(module: str) -> dict[str, Any]:
 def api_record(modules: Sequence[str] = MODULES) -> list[Row]:
     """Return a record of every module: ``name, about, objects``.
 
-    Each object has ``name, kind, signature, place, sections, members, warnings``; ``sections`` are what its docstring says, in order.
+    Each object has ``name, alias, home, kind, signature, place, sections, members, warnings``; ``sections`` are what its docstring
+    says, in order.
 
     Parameters
     ----------
     modules : sequence of str
         Dotted names.
     """
-    return [
-        {
-            "name": name,
-            "about": inspect.cleandoc(importlib.import_module(name).__doc__ or ""),
-            "objects": [object_record(each, value) for each, value in public_objects(name).items()],
-        }
-        for name in modules
-    ]
+    record = []
+    for name in modules:
+        objects = [object_record(each, value) for each, value in public_objects(name).items()]
+        objects.sort(key=lambda each: ORDER.get(each["kind"], 1))
+        record.append(
+            {"name": name, "about": inspect.cleandoc(importlib.import_module(name).__doc__ or ""), "objects": objects}
+        )
+    return record
 
 
 def object_record(name: str, value: Any) -> Row:
@@ -97,6 +101,8 @@ def object_record(name: str, value: Any) -> Row:
     members = list(_members(value)) if is_class else []
     return {
         "name": name,
+        "alias": home.__name__ if home.__name__ != name else "",
+        "home": f"{home.__module__}.{home.__qualname__}",
         "kind": _kind(value),
         "signature": _signature(name, value),
         "place": _place(home),
@@ -125,7 +131,7 @@ def parsed(value: Any) -> tuple[list[Row], list[str]]:
     with _warnings() as warnings:  # first with the signature, against which names are held; then for the text
         _sections(value, parameters)
     sections = [_section(each) for each in _sections(value, None)]
-    given = next((each["items"] for each in sections if each.get("title") == "Parameters"), [])
+    given: list[Row] = next((each["items"] for each in sections if each.get("title") == "Parameters"), [])
     inherited = _inherited(value)
     for item in given:
         if item["text"].startswith("As in `") and item["name"] in inherited:
@@ -230,8 +236,9 @@ def _default(value: Any, parameters: Mapping[str, inspect.Parameter], name: str)
     if default is inspect.Parameter.empty:
         return ""
     fields = {each.name: each for each in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else {}
-    if name in fields and fields[name].default_factory is not dataclasses.MISSING:
-        default = fields[name].default_factory()
+    factory = fields[name].default_factory if name in fields else dataclasses.MISSING
+    if callable(factory):
+        default = factory()
     return repr(default.value) if isinstance(default, Enum) else repr(default)
 
 
@@ -250,7 +257,7 @@ def _signature(name: str, value: Any, *, bound: bool = False) -> str:
         if each.kind is each.KEYWORD_ONLY and not keyword_only:
             parts.append("*")
             keyword_only = True
-        star = {each.VAR_POSITIONAL: "*", each.VAR_KEYWORD: "**"}.get(each.kind, "")
+        star = "*" if each.kind is each.VAR_POSITIONAL else "**" if each.kind is each.VAR_KEYWORD else ""
         keyword_only = keyword_only or star == "*"
         text = f"{star}{each.name}"
         if each.annotation is not each.empty:

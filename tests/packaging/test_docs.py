@@ -21,6 +21,7 @@ from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.docs import guides_in, read_guides
 from ninedisk.harness.run import case_record as case_records
 from ninedisk.harness.run import workers
+from ninedisk.harness.run.api_record import MODULES
 from ninedisk.harness.run.plan import Cell
 from ninedisk.reports.docs import write_docs
 from ninedisk.reports.folder import ReportError
@@ -80,7 +81,10 @@ def test_every_case_and_guide_has_its_page(built: Path) -> None:
     for path in GUIDES:
         assert f'href="{path.parent.name}/{path.stem}.html"' in index
     pages = {path.relative_to(built).as_posix() for path in built.rglob("*.html")}
-    assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES)
+    api = {f"reference/api/{name}.html" for name in ("index", *(re.sub("[^a-z]", "-", module) for module in MODULES))}
+    assert api <= pages
+    assert 'href="reference/api/index.html"' in index
+    assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES) + len(api)
 
 
 def test_links_lead_somewhere_and_never_to_the_net(built: Path) -> None:
