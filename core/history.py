@@ -60,10 +60,18 @@ class History:
         these two the budget closes to round-off.
     stress : ndarray, shape (s, 2, d, d), or None
         Of a periodic cell: stress [N/m], in 3D [Pa], compression positive, by contact forces (first) and by velocities beside the
-        cell's affine flow and the bodies' mean one (second); row a, column b is the force along a on an edge or face whose normal is b. None: there is no
-        cell, or it was not observed.
+        cell's affine flow and the bodies' mean one (second); row a, column b is the force along a on an edge or face whose normal is
+        b. None: there is no cell, or it was not observed.
     particles : tuple of int or None
         Disks that ``x``, ``v``, ``angle`` and ``omega`` hold, in this order; None: all n of them.
+
+    Examples
+    --------
+    Two samples of three disks, and the contact of disk 0 with the first wall, body 3:
+
+    >>> history = History.empty(np.array([0, 10]), np.array([0.0, 0.1]), n_disks=3, n_walls=1, pairs=((0, 3),))
+    >>> history.x.shape, history.fn.shape, history.contact((0, 3))
+    ((2, 3, 2), (2, 1), 0)
     """
 
     step: NDArray[np.int64]
@@ -85,7 +93,7 @@ class History:
     stress: FloatArray | None = None
 
     def contact(self, pair: Pair) -> int:
-        """Column of a watched pair in ``gap``, ``fn`` and ``fs``; KeyError if it was not watched."""
+        """Return the column of a watched pair in ``gap``, ``fn`` and ``fs``; KeyError if it was not watched."""
         try:
             return self.pairs.index(pair)
         except ValueError:
@@ -104,7 +112,7 @@ class History:
         energies: tuple[str, ...] = (),
         dimension: int = 2,
     ) -> History:
-        """A history of the right shapes, filled with NaN, for an engine to write into."""
+        """Make a history of the right shapes, filled with NaN, for an engine to write into."""
         s, c = len(step), len(pairs)
         turn = () if dimension == 2 else (3,)
 

@@ -53,6 +53,14 @@ class Rolling:
     ------
     InvalidSceneError
         If a value is outside its range.
+
+    Examples
+    --------
+    The torque of a contact with the reduced radius 0.5 m under 10 N is at most ``mu R fn``:
+
+    >>> rolling = Rolling(model="constant", mu=0.1)
+    >>> rolling.mu * 0.5 * 10.0
+    0.5
     """
 
     model: RollingModel
@@ -76,7 +84,28 @@ class Rolling:
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic:
-    """Isotropic elastic material: Young's modulus ``E`` [Pa] > 0 and Poisson's ratio ``nu`` in [0, 0.5]."""
+    """Isotropic elastic material.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [Pa], > 0.
+    nu : float
+        Poisson's ratio [-], in [0, 0.5].
+
+    Raises
+    ------
+    InvalidSceneError
+        If a value is outside its range.
+
+    Examples
+    --------
+    The shear modulus is ``E / (2 (1 + nu))``:
+
+    >>> rubber = Elastic(E=3e6, nu=0.5)
+    >>> rubber.E / (2.0 * (1.0 + rubber.nu))
+    1000000.0
+    """
 
     E: float
     nu: float
@@ -87,7 +116,30 @@ class Elastic:
 
 
 def moduli(one: Elastic, two: Elastic | None) -> tuple[float, float]:
-    """``E*, G*`` [Pa] of a contact: ``1/E* = sum (1 - nu^2)/E`` and ``1/G* = sum 2 (2 - nu)(1 + nu)/E``; None: a rigid body."""
+    """Return the moduli ``E*`` and ``G*`` [Pa] of a Hertz-Mindlin contact.
+
+    ``1/E* = sum (1 - nu^2)/E`` and ``1/G* = sum 2 (2 - nu)(1 + nu)/E`` over the two bodies.
+
+    Parameters
+    ----------
+    one : Elastic
+        Material of the first body.
+    two : Elastic or None
+        Material of the second body; None: it is rigid.
+
+    Returns
+    -------
+    tuple of float
+        ``(E*, G*)`` [Pa].
+
+    Examples
+    --------
+    Two bodies of one material with nu = 0 have ``E* = E/2`` and ``G* = E/8``:
+
+    >>> glass = Elastic(E=8e10, nu=0.0)
+    >>> [f"{modulus:g}" for modulus in moduli(glass, glass)]
+    ['4e+10', '1e+10']
+    """
     both = (one,) if two is None else (one, two)
     normal = sum((1.0 - body.nu**2) / body.E for body in both)
     shear = sum(2.0 * (2.0 - body.nu) * (1.0 + body.nu) / body.E for body in both)
@@ -95,9 +147,31 @@ def moduli(one: Elastic, two: Elastic | None) -> tuple[float, float]:
 
 
 def damping_ratio(restitution: float) -> float:
-    """Damping ratio ``beta = -ln e / sqrt(pi^2 + ln^2 e)`` whose contact rebounds with the coefficient ``e`` in (0, 1].
+    """Return the damping ratio ``beta = -ln e / sqrt(pi^2 + ln^2 e)`` whose contact rebounds with the coefficient e.
 
     Exact for both laws where the dashpot may pull at the end of the contact; for Hertz by Antypov & Elliott, EPL 94 (2011) 50004.
+
+    Parameters
+    ----------
+    restitution : float
+        Coefficient of restitution e [-], in (0, 1].
+
+    Returns
+    -------
+    float
+        Damping ratio [-].
+
+    Raises
+    ------
+    InvalidSceneError
+        If the coefficient is outside its range.
+
+    Examples
+    --------
+    ``ln e = -pi`` gives ``1/sqrt(2)``:
+
+    >>> round(damping_ratio(np.exp(-np.pi)), 4)
+    0.7071
     """
     e = within("restitution", restitution, 0.0, 1.0, open_low=True)
     return -log(e) / sqrt(pi**2 + log(e) ** 2)
@@ -209,6 +283,16 @@ class ContactLaw:
     ------
     InvalidSceneError
         If a value is outside its range, or the two laws are mixed.
+
+    Examples
+    --------
+    A weight of 1 kN overlaps by 1 mm at rest; without friction there is no shear spring:
+
+    >>> law = ContactLaw(kn=1e6, ks=5e5, mu=0.5, beta=damping_ratio(0.5))
+    >>> 1e3 / law.kn, law.shear_stiffness
+    (0.001, 500000.0)
+    >>> ContactLaw(kn=1e6, ks=5e5).shear_stiffness
+    0.0
     """
 
     kn: float = 0.0
@@ -311,7 +395,7 @@ class ContactLaw:
             )
 
     def to_dict(self, dimension: int = 2) -> dict[str, Any]:
-        """Plain data for JSON in a scene of this dimension: what differs from the defaults, and in 2D what `ALWAYS` names."""
+        """Return plain data for JSON in a scene of this dimension: what differs from the defaults, and in 2D what `ALWAYS` names."""
         plain = {
             each.name: getattr(self, each.name)
             for each in fields(self)
@@ -324,7 +408,7 @@ class ContactLaw:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ContactLaw:
-        """Inverse of `to_dict`."""
+        """Build a law from `to_dict` data."""
         if "kn" not in data and "e_star" not in data:
             raise InvalidSceneError("a law lacks the key 'kn': give kn for the linear law, or e_star for Hertz-Mindlin")
         both = {name: Rolling(**data[name]) for name in ("rolling", "twisting") if data.get(name) is not None}

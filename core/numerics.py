@@ -71,6 +71,14 @@ class Numerics:
         True: all channels of the energy are sampled (`History.energy`), not only those that the state tells.
     options : mapping
         Settings of one engine, named by that engine (e.g. ``{"pymunk.iterations": 100}``).
+
+    Examples
+    --------
+    A second in 100 steps, each of 10 contact steps, sampled every half second:
+
+    >>> numerics = Numerics(dt=0.01, n_steps=100, contact_dt=0.001, sample_every=50)
+    >>> numerics.substeps(0.001), numerics.sampled_steps().tolist()
+    (10, [0, 50, 100])
     """
 
     dt: float
@@ -122,7 +130,7 @@ class Numerics:
             self.substeps(self.contact_dt)
 
     def substeps(self, contact_dt: float) -> int:
-        """Number of contact steps in one ``dt``.
+        """Return the number of contact steps in one ``dt``.
 
         Raises
         ------
@@ -148,13 +156,13 @@ class Numerics:
         return count
 
     def sampled_steps(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """Steps ``dt`` at which a sample is taken, in order, shape (s,)."""
+        """Return the steps ``dt`` at which a sample is taken, in order, shape (s,)."""
         last = self.n_steps if self.sample_until is None else min(self.sample_until, self.n_steps)
         regular = np.arange(min(self.sample_from, self.n_steps), last + 1, self.sample_every, dtype=np.int64)
         return np.union1d(regular, np.array([0, self.n_steps], dtype=np.int64))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; ``energy_budget`` is left out where it is not asked for."""
+        """Return plain data for JSON; ``energy_budget`` is left out where it is not asked for."""
         plain = {**asdict(self), "options": dict(self.options)}
         if not self.energy_budget:
             del plain["energy_budget"]
@@ -162,7 +170,7 @@ class Numerics:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Numerics:
-        """Inverse of `to_dict`; raises `InvalidNumericsError` on unknown or missing keys."""
+        """Build numerics from `to_dict` data; raises `InvalidNumericsError` on unknown or missing keys."""
         try:
             return cls(**data)
         except CoreError:
@@ -171,7 +179,7 @@ class Numerics:
             raise InvalidNumericsError(f"the numerics' data have the wrong form: {error}") from error
 
     def replace(self, **changes: Any) -> Numerics:
-        """Copy with some fields changed."""
+        """Return a copy with some fields changed."""
         return replace(self, **changes)
 
 
@@ -222,7 +230,7 @@ def check_progress(progress: object) -> None:
 
 
 def watched_pairs(scene: AnyScene, watch: Sequence[Pair]) -> tuple[Pair, ...]:
-    """The contacts to record, as body numbers.
+    """Return the contacts to record, as body numbers.
 
     Raises
     ------

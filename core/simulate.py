@@ -61,6 +61,16 @@ def simulate(
         If the centre of a disk gets behind a wall on the way.
     SolverNotConvergedError, NoEquilibriumError
         Contact dynamics: if a step is not solved to its tolerance, or a static one has no solution.
+
+    Examples
+    --------
+    A disk in free fall for 1 s, ``g t^2/2`` = 5 m:
+
+    >>> disk = Disks(x=[[0.0, 0.0]], radius=0.5, mass=1.0)
+    >>> scene = Scene(disks=disk, disk_disk=ContactLaw(kn=1e6), gravity=(0.0, -10.0))
+    >>> history = simulate(scene, Numerics(dt=0.1, n_steps=10))
+    >>> round(float(history.x[-1, 0, 1]), 9)
+    -5.0
     """
     one_of("method", method, ("dem", "cd"), error=InvalidNumericsError)
     if isinstance(scene, SphereScene):

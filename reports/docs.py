@@ -1,4 +1,4 @@
-"""The documentation as static pages: one for every case, one for every guide, and an index."""
+"""The documentation as static pages: one for every case, one for every guide, the API reference, and an index."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import re
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,10 @@ from markupsafe import Markup
 
 from ninedisk.reports import pages
 from ninedisk.reports.drawing.draw import Projection, draw_projection, draw_sketch, numeral, read_scene, read_space
-from ninedisk.reports.folder import ReportError, fresh_folder
+from ninedisk.reports.folder import fresh_folder
 from ninedisk.reports.pages import HERE
 from ninedisk.reports.panel.text import Slugs
+from ninedisk.reports.reference import INDEX, Reference, rendered, write_reference
 
 MARKER = ".ninedisk-docs"
 KINDS = {"tutorials": "Tutorials", "how-to": "How-to guides", "reference": "Reference", "explanation": "Explanation"}
@@ -25,7 +25,11 @@ KINDS = {"tutorials": "Tutorials", "how-to": "How-to guides", "reference": "Refe
 
 
 def write_docs(
-    record: Sequence[Mapping[str, Any]], guides: Sequence[tuple[str, str]], out: Path, beside: Path | None = None
+    record: Sequence[Mapping[str, Any]],
+    guides: Sequence[tuple[str, str]],
+    out: Path,
+    beside: Path | None = None,
+    api: Sequence[Mapping[str, Any]] = (),
 ) -> Path:
     """Write the pages; the first of them.
 
@@ -39,6 +43,8 @@ def write_docs(
         Folder, replaced as a whole.
     beside : Path, optional
         Folder of the guides: files in it that they link to or show are copied to the pages.
+    api : sequence of mapping
+        Modules of the API, as `ninedisk docs` gathers them; empty: no reference.
 
     Raises
     ------
@@ -58,6 +64,7 @@ def write_docs(
         (KINDS.get(kind, kind or "Guides"), listed[kind])
         for kind in sorted(listed, key=lambda kind: (order.index(kind) if kind in order else len(order), kind))
     ]
+    reference = Reference(api)
     cases = [(f"cases/{slug(case['id'])}.html", case) for case in record]
     with fresh_folder(out, MARKER, "documentation") as folder:
         (folder / "cases").mkdir()
@@ -66,19 +73,29 @@ def write_docs(
             page = env.get_template("docs/case.html").render(
                 root="../",
                 case=case,
-                about=Markup(_rendered(case["id"], case["about"], lambda _: None)),
+                about=Markup(rendered(case["id"], case["about"], lambda _: None, _dotted(reference, path))),
                 sketch=_sketch(case),
             )
             (folder / path).write_text(page, encoding="utf-8")
         for name, text in guides:
-            body = Markup(_rendered(name, text, partial(_page_of, name, names=names, beside=beside, folder=folder)))
+            page_of = partial(_page_of, name, names=names, beside=beside, folder=folder)
+            body = Markup(rendered(name, text, page_of, _dotted(reference, names[name])))
             root = "../" * names[name].count("/") or "./"
             page = env.get_template("docs/guide.html").render(root=root, title=_heading(name, text), body=body)
             (folder / names[name]).parent.mkdir(parents=True, exist_ok=True)
             (folder / names[name]).write_text(page, encoding="utf-8")
-        page = env.get_template("docs/index.html").render(root="", cases=cases, guides=groups)
+        if api:
+            write_reference(reference, folder, env)
+        page = env.get_template("docs/index.html").render(
+            root="", cases=cases, guides=groups, modules=reference.pages, reference=INDEX
+        )
         (folder / "index.html").write_text(page, encoding="utf-8")
     return Path(out) / "index.html"
+
+
+def _dotted(reference: Reference, page: str) -> Callable[[str, int], str | None]:
+    """Links of full names, ``ninedisk.core.Scene``, in a text that is no docstring."""
+    return lambda name, _: reference.link(page, name) if name.startswith("ninedisk.") else None
 
 
 def _sketch(case: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -115,31 +132,3 @@ def _page_of(name: str, target: str, names: Mapping[str, str], beside: Path | No
         shutil.copy(source, folder / path)
         found = path
     return posixpath.relpath(found, posixpath.dirname(names[name]) or ".")
-
-
-LINKS = {"link_open": "href", "image": "src"}
-"""Tokens of Markdown that lead to another file, and the attribute that says where."""
-
-
-def _rendered(name: str, text: str, page_of: Callable[[str], str | None]) -> str:
-    """Markdown as HTML; raw HTML in it is shown as text, and relative links lead to where ``page_of`` says.
-
-    Headings get the ids that code hosts give them, so that a link into a page works in both places.
-    """
-    from markdown_it import MarkdownIt
-
-    tokens = (parser := MarkdownIt("commonmark", {"html": False}).enable("table")).parse(text)
-    for opening, heading in pairwise(tokens):
-        if opening.type == "heading_open":
-            opening.attrSet("id", re.sub(r"[^\w -]", "", heading.content.lower()).replace(" ", "-"))
-    for block in tokens:
-        for token in block.children or ():
-            attribute = LINKS.get(token.type, "")
-            target = token.attrGet(attribute) if attribute else None
-            if not isinstance(target, str) or "://" in target or target.startswith("#"):
-                continue
-            page, hash_, place = target.partition("#")
-            if (found := page_of(page)) is None:
-                raise ReportError(f"the guide {name!r} links to {target!r}, which is no guide or file of its folder")
-            token.attrSet(attribute, found + hash_ + place)
-    return str(parser.renderer.render(tokens, parser.options, {}))

@@ -73,6 +73,17 @@ class Scene(AnyScene):
     ------
     InvalidSceneError
         Naming the offending body, its value and the allowed range.
+
+    Examples
+    --------
+    One disk on a floor; walls are numbered after the disks:
+
+    >>> law = ContactLaw(kn=1e6)
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    >>> disk = Disks(x=[[0.0, 0.5]], radius=0.5, mass=2.0)
+    >>> scene = Scene(disks=disk, disk_disk=law, walls=[floor], gravity=(0.0, -10.0))
+    >>> scene.n_bodies, scene.wall_index("floor"), scene.body_name(1)
+    (2, 1, "wall 'floor'")
     """
 
     disks: Disks
@@ -91,7 +102,7 @@ class Scene(AnyScene):
         object.__setattr__(self, "outlines", check_outlines(self.outlines, self.disks))
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON, see `AnyScene.to_dict`."""
+        """Return plain data for JSON, see `AnyScene.to_dict`."""
         data = super().to_dict()
         if self.outlines:
             data["outlines"] = [plain_outline(curve) for curve in self.outlines]
@@ -121,6 +132,15 @@ class SphereScene(AnyScene):
     ------
     InvalidSceneError
         Naming the offending body, its value and the allowed range.
+
+    Examples
+    --------
+    Two spheres of 2 kg that move apart at 3 m/s each carry 9 J each, and no momentum together:
+
+    >>> spheres = Spheres(x=[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], v=[[-3.0, 0.0, 0.0], [3.0, 0.0, 0.0]], radius=0.5, mass=2.0)
+    >>> scene = SphereScene(spheres=spheres, sphere_sphere=ContactLaw(kn=1e6))
+    >>> (scene.bodies.mass @ scene.bodies.v).tolist(), float(0.5 * scene.bodies.mass @ scene.bodies.v[:, 0] ** 2)
+    ([0.0, 0.0, 0.0], 18.0)
     """
 
     spheres: Spheres

@@ -144,7 +144,7 @@ class AnyScene:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; `from_dict` is its inverse, to the last bit.
+        """Return plain data for JSON; `from_dict` is its inverse, to the last bit.
 
         What few scenes have (outlines, materials, forces, a cell, and some fields of a law) is left out where it is not there, so that
         scenes keep the form that they had before there was this.
@@ -200,13 +200,13 @@ class AnyScene:
         return len(self.bodies) + len(self.walls)
 
     def body_name(self, body: int) -> str:
-        """Readable name of a body, for messages and figures."""
+        """Return a readable name of a body, for messages and figures."""
         body = whole("body", body, 0, self.n_bodies - 1, error=InvalidSceneError)
         n = len(self.bodies)
         return f"{self.noun} {body}" if body < n else f"wall {self.walls[body - n].name!r}"
 
     def wall_index(self, name: str) -> int:
-        """Body number of the wall called ``name``."""
+        """Return the body number of the wall called ``name``."""
         for k, wall in enumerate(self.walls):
             if wall.name == name:
                 return len(self.bodies) + k
@@ -227,11 +227,11 @@ class AnyScene:
         return i, j
 
     def law(self, pair: tuple[int, int]) -> ContactLaw:
-        """Contact law of a pair."""
+        """Return the contact law of a pair."""
         return self.law_between(*self.check_pair(pair))
 
     def law_between(self, i: int, j: int) -> ContactLaw:
-        """Contact law of two bodies in order, which may be one and the same: it touches its own image in a periodic cell."""
+        """Return the contact law of two bodies in order, which may be one and the same: it touches its own image in a periodic cell."""
         n, one = len(self.bodies), self.bodies.material[i]
         if j < n:
             return self.laws.get(ordered(one, self.bodies.material[j]), self.law_of_bodies)
@@ -249,14 +249,14 @@ class AnyScene:
         )
 
     def behind_wall(self, body: int, wall: int, height: float, when: str, step: str) -> BehindWallError:
-        """The error of a body whose centre is at this height <= 0 [m] above a wall during a run; ``step`` says which step to reduce."""
+        """Return the error of a body whose centre is at a height <= 0 [m] above a wall in a run; ``step`` says which step to reduce."""
         return BehindWallError(
             f"the centre of {self.noun} {body} is {-height:g} m behind wall {self.walls[wall].name!r} at {when}: it moves too far in a "
             f"step, its contact is too soft, or walls close in on it; reduce {step}, raise kn, or mend the walls' motion"
         )
 
     def unstable(self, body: int, step: float, critical: float, t: float, share: float) -> UnstableTimeStepError:
-        """The error of a contact step above the critical one that contacts have at time ``t``, times in s; most of it at ``body``.
+        """Return the error of a contact step above the critical one that contacts have at time ``t``, times in s; most of it at ``body``.
 
         ``share`` of the critical step is recommended.
         """
@@ -267,7 +267,7 @@ class AnyScene:
         )
 
     def too_fast(self, body: int, other: str, way: float, limit: float, t: float, step: float) -> TooFastError:
-        """The error of a body that moves by ``way`` against the ``other`` in the contact step [s] that ends at ``t`` [s]; lengths in m."""
+        """Return the error of a body that moves by ``way`` against ``other`` in a contact step [s] that ends at ``t`` [s]; lengths in m."""
         return TooFastError(
             f"{self.body_name(body)} moves {way:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
             f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / way:g} s (now {step:g} s), "
@@ -275,11 +275,11 @@ class AnyScene:
         )
 
     def replace(self, **changes: Any) -> Self:
-        """Copy with some fields changed."""
+        """Return a copy with some fields changed."""
         return replace(self, **changes)
 
     def with_laws(self, change: Callable[[ContactLaw], ContactLaw]) -> Self:
-        """Copy in which each law is what ``change`` makes of it."""
+        """Return a copy in which each law is what ``change`` makes of it."""
         return self.replace(
             **{self._names()[1]: change(self.law_of_bodies)},
             walls=tuple(replace(wall, law=change(wall.law)) for wall in self.walls),

@@ -121,7 +121,7 @@ class Bodies:
         return fixed
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; what most bodies lack is left out."""
+        """Return plain data for JSON; what most bodies lack is left out."""
         plain = {
             name: value.tolist() for name, value in vars(self).items() if name not in ("material", "outline", "angle")
         }
@@ -178,7 +178,7 @@ class Disks(Bodies):
         object.__setattr__(self, "angle", angle)
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data for JSON; what most disks lack is left out."""
+        """Return plain data for JSON; what most disks lack is left out."""
         plain = super().to_dict()
         if np.any(self.outline >= 0):
             plain["outline"] = self.outline.tolist()
@@ -189,10 +189,22 @@ class Disks(Bodies):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spheres(Bodies):
-    """Rigid spheres in 3D: `Bodies` with d = 3.
+    """Rigid spheres in 3D.
+
+    Parameters
+    ----------
+    x, radius, mass, inertia, v, omega, rotating, held, material
+        As in `Bodies`, with d = 3.
+
+    Raises
+    ------
+    InvalidSceneError
+        If a shape or value is not allowed.
 
     Examples
     --------
+    A uniform sphere has the moment of inertia ``(2/5) m R^2``:
+
     >>> Spheres(x=[[0.0, 0.0, 1.0]], radius=0.5, mass=2.0).inertia
     array([0.2])
     """

@@ -32,6 +32,14 @@ class Cell:
     ------
     InvalidSceneError
         If a value is outside its range.
+
+    Examples
+    --------
+    A cell of 2 m by 2 m under a simple shear of 0.5 1/s: after 1 s its second edge leans by 1 m:
+
+    >>> Cell(size=(2.0, 2.0), rate=((0.0, 0.5), (0.0, 0.0))).edges(t=1.0)
+    array([[2., 1.],
+           [0., 2.]])
     """
 
     size: tuple[float, ...]
@@ -58,5 +66,5 @@ class Cell:
         return len(self.size)
 
     def edges(self, t: float) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-        """Edges of the cell at time ``t`` [s] as columns [m], shape (d, d)."""
+        """Return the edges of the cell at time ``t`` [s] as columns [m], shape (d, d)."""
         return (np.eye(self.dimension) + t * np.array(self.rate)) @ np.diag(self.size)

@@ -33,6 +33,15 @@ class BodyForce:
     ------
     InvalidSceneError
         If a value is outside its range.
+
+    Examples
+    --------
+    A torque of 0.2 N m for 1 s gives a disk with the moment of inertia 0.1 kg m^2 a spin of 2 rad/s:
+
+    >>> push = BodyForce(disk=0, torque=0.2, end=1.0)
+    >>> disks = Disks(x=[[0.0, 0.0]], radius=1.0, mass=0.2)
+    >>> float(push.torque * (push.end - push.begin) / disks.inertia[0])
+    2.0
     """
 
     disk: int

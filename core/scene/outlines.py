@@ -23,7 +23,7 @@ ENCLOSED = 1e-12
 
 
 def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsCurve, ...]:
-    """The outlines as a tuple, or `InvalidSceneError`: each centred, each inside the circles of the grains that have it."""
+    """Return the outlines as a tuple, or `InvalidSceneError`: each centred, each inside the circles of the grains that have it."""
     given = items_of("outlines", outlines, "a sequence of NurbsCurve, () for none")
     most = int(disks.outline.max()) if len(disks) else -1
     if most >= len(given):
@@ -59,7 +59,7 @@ def check_outlines(outlines: Sequence[NurbsCurve], disks: Disks) -> tuple[NurbsC
 
 
 def plain_outline(curve: NurbsCurve) -> dict[str, Any]:
-    """An outline as JSON data."""
+    """Return an outline as JSON data."""
     return {
         "degree": curve.degree,
         "knots": curve.knots.tolist(),

@@ -14,7 +14,13 @@ from ninedisk.core.scene import ContactLaw, LeverArm, Scene, SlipAt, SphereScene
 
 
 class Capability(StrEnum):
-    """A capability that an engine has or lacks; the value is its description."""
+    """A capability that an engine has or lacks; the value is its description.
+
+    Examples
+    --------
+    >>> Capability.FRICTION.value
+    'Coulomb friction'
+    """
 
     LINEAR_CONTACT = "linear normal contact of a given stiffness kn"
     SHEAR_SPRING = "incremental shear spring of a given stiffness ks"
@@ -67,7 +73,21 @@ class Capability(StrEnum):
 
 
 def wire_name(capability: Capability) -> str:
-    """Name of a capability in the description of an engine behind a command: ``linear-contact``."""
+    """Return the name of a capability in the description of an engine behind a command.
+
+    Parameters
+    ----------
+    capability : Capability
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> wire_name(Capability.LINEAR_CONTACT)
+    'linear-contact'
+    """
     return capability.name.lower().replace("_", "-")
 
 
@@ -158,10 +178,30 @@ SPACE = (
 
 
 def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
-    """Capabilities that a scene and its numerics require of an engine.
+    """Return the capabilities that a scene and its numerics require of an engine.
 
-    A contact whose stiffness only regularises a rigid one (``ContactLaw.regularised``) asks for either the linear
+    A contact whose stiffness only regularises a rigid one (`ContactLaw`, ``regularised``) asks for either the linear
     contact or an impact law; it is therefore left to the engine's ``supports`` and not listed here.
+
+    Parameters
+    ----------
+    scene : Scene or SphereScene
+    numerics : Numerics
+
+    Returns
+    -------
+    frozenset of Capability
+
+    Examples
+    --------
+    A smooth disk on a floor, under gravity:
+
+    >>> law = ContactLaw(kn=1e6)
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    >>> disk = Disks(x=[[0.0, 0.5]], radius=0.5, mass=1.0)
+    >>> scene = Scene(disks=disk, disk_disk=law, walls=[floor], gravity=(0.0, -10.0))
+    >>> sorted(need.name for need in capabilities_needed(scene, Numerics(dt=0.01, n_steps=1)))
+    ['GRAVITY', 'LINEAR_CONTACT']
     """
     bodies = scene.bodies
     turning = bool(bodies.rotating.any())
@@ -231,7 +271,7 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
 
 
 def _needed_in_2d(scene: Scene) -> set[Capability]:
-    """What only scenes in 2D can ask for."""
+    """Return what only scenes in 2D can ask for."""
     need = set()
     if (scene.disks.outline >= 0).any():
         need.add(Capability.OUTLINES)
@@ -241,8 +281,28 @@ def _needed_in_2d(scene: Scene) -> set[Capability]:
 
 
 def capabilities_asked(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
-    """What a scene asks of whatever engine runs it: `capabilities_needed`, and of a contact whose stiffness only regularises a
-    rigid one both the springs and the impact law, of which an engine uses one."""
+    """Return what a scene asks of whatever engine runs it.
+
+    These are `capabilities_needed`, and of a contact whose stiffness only regularises a rigid one both the springs and the
+    impact law, of which an engine uses one.
+
+    Parameters
+    ----------
+    scene : Scene or SphereScene
+    numerics : Numerics
+
+    Returns
+    -------
+    frozenset of Capability
+
+    Examples
+    --------
+    >>> law = ContactLaw(kn=1e6, restitution=0.5, regularised=True)
+    >>> disks = Disks(x=[[0.0, 0.0], [2.0, 0.0]], radius=1.0, mass=1.0)
+    >>> scene = Scene(disks=disks, disk_disk=law, gravity=(0.0, -10.0))
+    >>> sorted(need.name for need in capabilities_asked(scene, Numerics(dt=0.01, n_steps=1)))
+    ['GRAVITY', 'LINEAR_CONTACT', 'RESTITUTION']
+    """
     sprung = scene.with_laws(lambda law: replace(law, regularised=False))
     impact = any(law.restitution for law in scene.laws_in_use)
     return (

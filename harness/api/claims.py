@@ -27,7 +27,16 @@ NO_DILATION = 1e-9
 
 
 class UndecidedError(Exception):
-    """The cells at hand cannot decide the claim; the message says why."""
+    """The cells at hand cannot decide the claim; the message says why.
+
+    Examples
+    --------
+    >>> by_value([], "mu")
+    []
+    >>> published([], ["fn"])
+    Traceback (most recent call last):
+    ninedisk.harness.api.claims.UndecidedError: no variant of this run has the published values
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +53,16 @@ class Claim:
         The same as code: from the cells of one engine to whether they confirm the claim, and the evidence.
     derivation : tuple of str
         Paragraphs: why measurements differ from the claim, where they are known to.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> claim = Claim(
+    ...     id="energy-falls", place="p. 12", text="energy never grows", decided_by="largest change of the energy",
+    ...     rule=lambda cells: (all(cell.gain <= 0.0 for cell in cells), f"{len(cells)} cell"),
+    ... )
+    >>> claim.rule([SimpleNamespace(gain=-0.5)])
+    (True, '1 cell')
     """
 
     id: str
@@ -55,12 +74,54 @@ class Claim:
 
 
 def claims_of(case: Case) -> tuple[Claim, ...]:
-    """The claims that a case declares; none where it has no such attribute."""
+    """Return the claims that a case declares; none if it has no such attribute.
+
+    Parameters
+    ----------
+    case : Case
+
+    Returns
+    -------
+    tuple of Claim
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.registry import get_case
+    >>> [claim.id for claim in claims_of(get_case("sliding/quasistatic"))]
+    ['quasistatic-dilates-once']
+    """
     return tuple(getattr(case, "claims", ()))
 
 
 def series(cell: CaseResult, quantity: str) -> NDArray[np.float64]:
-    """A series of a cell, finite after its first sample; raises `UndecidedError` where it is not."""
+    """Return a series of a cell, finite after its first sample.
+
+    Parameters
+    ----------
+    cell : CaseResult
+    quantity : str
+        Name in `Observed.series`.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        In the unit of the quantity.
+
+    Raises
+    ------
+    UndecidedError
+        If the case or the engine does not observe it.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from ninedisk.harness.api.case import Observed
+    >>> t = np.array([0.0, 1.0, 2.0])
+    >>> fallen = Observed(step=np.arange(3), t=t, series={"y": ("m", -5.0 * t**2)}, scalars={"speed": ("m/s", 20.0)})
+    >>> cell = SimpleNamespace(observed=fallen)
+    >>> series(cell, "y").tolist()
+    [-0.0, -5.0, -20.0]
+    """
     assert cell.observed is not None
     if quantity not in cell.observed.series:
         raise UndecidedError(f"the case does not observe {quantity}")
@@ -71,7 +132,34 @@ def series(cell: CaseResult, quantity: str) -> NDArray[np.float64]:
 
 
 def scalar(cell: CaseResult, quantity: str) -> float:
-    """A finite number of a cell; raises `UndecidedError` where it is none."""
+    """Return a finite number of a cell.
+
+    Parameters
+    ----------
+    cell : CaseResult
+    quantity : str
+        Name in `Observed.scalars`.
+
+    Returns
+    -------
+    float
+        In the unit of the quantity.
+
+    Raises
+    ------
+    UndecidedError
+        If the case or the engine does not observe it.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from ninedisk.harness.api.case import Observed
+    >>> t = np.array([0.0, 1.0, 2.0])
+    >>> fallen = Observed(step=np.arange(3), t=t, series={"y": ("m", -5.0 * t**2)}, scalars={"speed": ("m/s", 20.0)})
+    >>> cell = SimpleNamespace(observed=fallen)
+    >>> scalar(cell, "speed")
+    20.0
+    """
     assert cell.observed is not None
     if quantity not in cell.observed.scalars:
         raise UndecidedError(f"the case does not observe {quantity}")
@@ -82,7 +170,32 @@ def scalar(cell: CaseResult, quantity: str) -> float:
 
 
 def by_value(cells: Cells, varied: str) -> list[dict[Any, CaseResult]]:
-    """Cells that differ in one parameter only, by its value."""
+    """Group cells that differ in one parameter only, by its value.
+
+    Parameters
+    ----------
+    cells : sequence of CaseResult
+    varied : str
+        Name of the parameter.
+
+    Returns
+    -------
+    list of dict from value to CaseResult
+
+    Raises
+    ------
+    UndecidedError
+        If the case has no such parameter.
+
+    Examples
+    --------
+    Two steps with each of two friction coefficients:
+
+    >>> from types import SimpleNamespace
+    >>> cells = [SimpleNamespace(params={"mu": mu, "dt": dt}) for mu in (0.2, 0.4) for dt in (0.1, 0.01)]
+    >>> [sorted(group) for group in by_value(cells, "dt")]
+    [[0.01, 0.1], [0.01, 0.1]]
+    """
     groups: dict[str, dict[Any, CaseResult]] = {}
     for cell in cells:
         params = cell.params
@@ -94,10 +207,35 @@ def by_value(cells: Cells, varied: str) -> list[dict[Any, CaseResult]]:
 
 
 def published(cells: Cells, quantities: Sequence[str], **wanted: Any) -> Verdict:
-    """Whether the published values of some quantities are met in every variant that has them.
+    """Tell whether the published values of some quantities are met in every variant that has them.
 
-    A failed check contradicts. A known gap does not: there another truth says that this engine on this variant solves
-    something else than the source did (a spring that is not quite plastic, a gap that is no whole number of steps).
+    A failed check contradicts. A known gap does not: another truth says there that this engine on this variant solves
+    another problem than the source did (a spring that is not quite plastic, a gap that is no whole number of steps).
+
+    Parameters
+    ----------
+    cells : sequence of CaseResult
+    quantities : sequence of str
+    **wanted
+        Values of parameters; other variants are left out.
+
+    Returns
+    -------
+    tuple of bool and str
+        Whether the values are met, and the evidence.
+
+    Raises
+    ------
+    UndecidedError
+        If no variant has published values, or a known gap decides.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> row = {"truth": "published", "quantity": "fn", "status": "pass", "variant": "mu=0.4"}
+    >>> cell = SimpleNamespace(params={"mu": 0.4}, rows=[{**row, "value": 9.5, "expected": 10.0, "abs_error": 0.5}])
+    >>> published([cell], ["fn"], mu=0.4)
+    (True, 'holds in 1 of 1 variants; largest error 5.0e-01 in mu=0.4: fn = 9.5 against 10')
     """
     found: dict[str, list[Row]] = {"fail": [], "known-gap": [], "pass": []}
     for cell in cells:
@@ -125,5 +263,21 @@ def published(cells: Cells, quantities: Sequence[str], **wanted: Any) -> Verdict
 
 
 def associated(cells: Cells) -> list[CaseResult]:
-    """Cells that are not told to slide by Coulomb's law: the source's statements on dilation are about its own rule."""
+    """Return the cells that do not slide by Coulomb's law: what the source states of dilation is about its own rule.
+
+    Parameters
+    ----------
+    cells : sequence of CaseResult
+
+    Returns
+    -------
+    list of CaseResult
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> cells = [SimpleNamespace(params={"sliding": rule}) for rule in ("associated", "coulomb")]
+    >>> [cell.params["sliding"] for cell in associated(cells)]
+    ['associated']
+    """
     return [cell for cell in cells if cell.params.get("sliding", "associated") == "associated"]

@@ -18,7 +18,13 @@ from ninedisk.harness.api.capabilities import Capability
 
 
 class SupportLevel(StrEnum):
-    """How faithfully an engine expresses a scene."""
+    """How faithfully an engine expresses a scene.
+
+    Examples
+    --------
+    >>> [level.value for level in SupportLevel]
+    ['exact', 'equivalent', 'approximate', 'no']
+    """
 
     EXACT = "exact"
     EQUIVALENT = "equivalent"
@@ -28,7 +34,23 @@ class SupportLevel(StrEnum):
 
 @dataclass(frozen=True)
 class Support:
-    """Answer of `Engine.supports`: level, the capabilities that are missing, and notes for the report."""
+    """Answer of `Engine.supports`.
+
+    Parameters
+    ----------
+    level : SupportLevel
+    missing : tuple of Capability
+        What the scene needs and the engine lacks.
+    notes : tuple of str
+        Remarks for the report.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.capabilities import Capability
+    >>> answer = Support(SupportLevel.NO, missing=(Capability.FRICTION,))
+    >>> answer.level.value, [capability.value for capability in answer.missing]
+    ('no', ['Coulomb friction'])
+    """
 
     level: SupportLevel
     missing: tuple[Capability, ...] = ()
@@ -36,7 +58,13 @@ class Support:
 
 
 class Difference(StrEnum):
-    """A known difference of an engine from what a scene commonly means; cases allow for it, by a size that they derive."""
+    """A known difference of an engine from what a scene commonly means; cases allow for it, by a size that they derive.
+
+    Examples
+    --------
+    >>> Difference.KEEPS_KN.value
+    "contacts are soft, and a load at rest overlaps by load/kn, kn the scene's"
+    """
 
     FIXED_WALL_SHEAR = "shear forces at a wall keep their direction in space while the wall turns"
     KEEPS_OPENED_SHEAR = "a contact between disks that opens and closes again goes on from its old shear force"
@@ -95,10 +123,16 @@ SLOPPIEST = 1e-2
 
 @dataclass(frozen=True, kw_only=True)
 class EngineInfo:
-    """Facts about an engine; `version` is None where it is not installed.
+    """Facts about an engine.
 
-    Attributes
+    Parameters
     ----------
+    id : str
+        Name in commands.
+    name : str
+        Name in reports.
+    version : str or None
+        None: it is not installed.
     scheme : str
         The time discretisation, so that an exact time-discrete reference binds only engines of that very scheme:
 
@@ -112,6 +146,18 @@ class EngineInfo:
         Any other name binds no exact steps.
     contact : {"spring", "impulse", "cd", "soft"}
         Linear contact springs; rigid at velocity level; contact dynamics; or soft in a way of the engine's own.
+    licence : str
+        Of the engine's code.
+    how_it_runs : str
+        In this process, in another, behind a command.
+    precision : {"float64", "float32"}
+        Of its arithmetic.
+    threads : int
+        Threads that it runs on.
+    install : str
+        How to install it.
+    not_installed_because : str
+        Why it is not installed; "" where it is.
     capabilities : frozenset of Capability
     plane : bool
         Whether it runs scenes of the plane; those in space are asked of engines with `Capability.SPHERES`.
@@ -125,7 +171,7 @@ class EngineInfo:
     dilates : bool
         Whether a sliding contact opens, as the associated rule of convex contact models has it.
     softness : float or None
-        Of engines whose contacts are soft: part of what it should withstand in one step that a contact lets through, by the
+        Of engines whose contacts are soft: fraction [-] of the approach velocity that a contact does not remove in one step, by the
         engine's own regularisation; from 0 to `SOFTEST`. None: no such figure, judged as `SOFTEST`.
     softness_why : str
         Where that figure comes from.
@@ -151,6 +197,16 @@ class EngineInfo:
     ------
     ValueError
         If ``softness`` or ``slop`` is out of its range, or given for contacts of another kind.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.capabilities import Capability
+    >>> info = EngineInfo(
+    ...     id="acme", name="Acme DEM", version="1.0", scheme="central-difference", contact="spring", licence="MIT",
+    ...     how_it_runs="in this process", install="pip install acme", capabilities=frozenset({Capability.LINEAR_CONTACT}),
+    ... )
+    >>> info.installed, info.slop
+    (True, 0.0)
     """
 
     id: str
@@ -205,7 +261,7 @@ class EngineInfo:
         return self.version is not None
 
     def option(self, name: str, numerics: Numerics) -> Any:
-        """Value of one of the engine's `options` in a run with these numerics."""
+        """Return the value of one of the engine's `options` in a run with these numerics."""
         return numerics.options.get(f"{self.id}.{name}", self.options[name].default)
 
 
@@ -213,14 +269,22 @@ class EngineInfo:
 class Timings:
     """Seconds by the clock on the wall, and of the processor, which stands still while other work holds the machine.
 
-    Attributes
+    Parameters
     ----------
     setup, warm_up, advance : float
-        Wall-clock seconds; ``advance`` is that of the steps alone.
+        Wall-clock time [s]; ``advance`` is that of the steps alone.
     cpu : float or None
-        CPU seconds of all threads: what comparisons of speed are made of. None: the engine cannot tell.
+        CPU time [s] of all threads: comparisons of speed use it. None: the engine cannot tell.
     cpu_of : {"stepping", "whole process"}
-        What ``cpu`` was spent on; an engine behind a command that does not tell has that of its whole process.
+        What ``cpu`` was spent on. An engine behind a command that does not report it has that of its whole process.
+
+    Examples
+    --------
+    Two threads that keep two cores busy for 3 s:
+
+    >>> timings = Timings(setup=0.1, warm_up=0.5, advance=3.0, cpu=6.0)
+    >>> timings.cpu / timings.advance
+    2.0
     """
 
     setup: float
@@ -231,7 +295,23 @@ class Timings:
 
 
 class Stopwatch:
-    """Sums the seconds of its ``with`` blocks: on the wall, and of the processor for all threads of this process."""
+    """Sum the seconds of ``with`` blocks.
+
+    Attributes
+    ----------
+    wall : float
+        Wall-clock time [s].
+    cpu : float
+        CPU time [s] of all threads of this process.
+
+    Examples
+    --------
+    >>> watch = Stopwatch()
+    >>> with watch:
+    ...     total = sum(range(1000))
+    >>> watch.wall > 0.0, watch.cpu >= 0.0
+    (True, True)
+    """
 
     def __init__(self) -> None:
         self.wall = self.cpu = 0.0
@@ -247,7 +327,22 @@ class Stopwatch:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineRun:
-    """A finished run: the history, its timings, and every setting that was chosen on purpose."""
+    """A finished run.
+
+    Parameters
+    ----------
+    history : History
+    timings : Timings
+    settings : mapping from str to value
+        Every setting that was chosen on purpose.
+
+    Examples
+    --------
+    >>> empty = History.empty(np.array([0]), np.array([0.0]), n_disks=1, n_walls=0, pairs=())
+    >>> run = EngineRun(history=empty, timings=Timings(setup=0.0, warm_up=0.0, advance=0.0), settings={"iterations": 10})
+    >>> run.history.t.tolist(), run.settings
+    ([0.0], {'iterations': 10})
+    """
 
     history: History
     timings: Timings
@@ -255,33 +350,74 @@ class EngineRun:
 
 
 class EngineError(RuntimeError):
-    """The engine failed, crashed or answered nonsense; the message carries its last output lines."""
+    """The engine failed, crashed or answered nonsense; the message carries its last output lines.
+
+    Examples
+    --------
+    >>> try:
+    ...     raise EngineError("the state is no longer finite at step 7; reduce dt")
+    ... except RuntimeError as error:
+    ...     print(error)
+    the state is no longer finite at step 7; reduce dt
+    """
 
 
 class EngineTimeoutError(EngineError):
-    """The engine was stopped at its limit of CPU time or of idle time."""
+    """The engine was stopped at its limit of CPU time or of idle time.
+
+    Examples
+    --------
+    >>> issubclass(EngineTimeoutError, EngineError)
+    True
+    """
 
 
 class EngineNotInstalledError(EngineError):
-    """The engine is not on this machine; the message says how to install it."""
+    """The engine is not on this machine; the message says how to install it.
+
+    Examples
+    --------
+    >>> try:
+    ...     raise EngineNotInstalledError("MuJoCo is not installed: pip install mujoco")
+    ... except EngineError as error:
+    ...     print(error)
+    MuJoCo is not installed: pip install mujoco
+    """
 
 
 class EngineUnsupportedError(EngineError):
-    """The engine found, once it had the scene, that it cannot express it; the message says why."""
+    """The engine found, once it had the scene, that it cannot express it; the message says why.
+
+    Examples
+    --------
+    >>> try:
+    ...     raise EngineUnsupportedError("walls 'left' and 'right' are closer than a diameter, 1 m")
+    ... except EngineError as error:
+    ...     print(error)
+    walls 'left' and 'right' are closer than a diameter, 1 m
+    """
 
 
 @runtime_checkable
 class Engine(Protocol):
-    """What the harness asks of an engine."""
+    """What the harness asks of an engine.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.registry import get_engine
+    >>> engine = get_engine("dem")
+    >>> isinstance(engine, Engine), engine.info().scheme
+    (True, 'central-difference')
+    """
 
     id: str
 
     def info(self) -> EngineInfo:
-        """Facts about the engine; must be cheap and must not fail where it is not installed."""
+        """Return facts about the engine; must be cheap and must not fail where it is not installed."""
         ...
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """How faithfully this engine expresses the scene; NO names the missing capabilities."""
+        """Tell how faithfully this engine expresses the scene; NO names the missing capabilities."""
         ...
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
@@ -296,12 +432,26 @@ class Engine(Protocol):
 
 
 def facts_of(engine: Engine) -> EngineInfo:
-    """`Engine.info`, where a failure of it must end in a message.
+    """Return `Engine.info`; a failure of it becomes a message.
+
+    Parameters
+    ----------
+    engine : Engine
+
+    Returns
+    -------
+    EngineInfo
 
     Raises
     ------
     EngineError
         If it fails, by whatever exception; that of an engine behind a command is raised as it is.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.registry import get_engine
+    >>> facts_of(get_engine("dem")).contact
+    'spring'
     """
     try:
         return engine.info()
@@ -314,10 +464,25 @@ def facts_of(engine: Engine) -> EngineInfo:
 
 
 class Session(Protocol):
-    """What an in-process adapter writes; `run_session` turns it into `Engine.run`."""
+    """What an in-process adapter writes; `run_session` turns it into `Engine.run`.
+
+    Examples
+    --------
+    Free flight at 2 m/s:
+
+    >>> class Flight:
+    ...     x = 0.0
+    ...     def warm_up(self): pass
+    ...     def advance(self, n_steps): self.x += n_steps * 0.1 * 2.0
+    ...     def observe(self, history, row): history.x[row, 0] = self.x, 0.0
+    >>> flight = Flight()
+    >>> flight.advance(5)
+    >>> flight.x
+    1.0
+    """
 
     def warm_up(self) -> None:
-        """JIT and caches; the state stays unchanged; not counted."""
+        """Compile and fill caches; the state stays unchanged; not counted."""
         ...
 
     def advance(self, n_steps: int) -> None:
@@ -337,7 +502,38 @@ def run_session(
     *,
     force_meaning: Any = "step-mean",
 ) -> EngineRun:
-    """Drive a `Session` (``make(scene, numerics, pairs)``) over the sampled steps and time it."""
+    """Drive a `Session` over the sampled steps and time it.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the session: ``make(scene, numerics, pairs)``.
+    scene : Scene or SphereScene
+    numerics : Numerics
+    watch : sequence of pairs
+        Contacts to record, as body numbers.
+    force_meaning : {"step-mean", "instantaneous"}
+        As in `History`.
+
+    Returns
+    -------
+    EngineRun
+
+    Examples
+    --------
+    An adapter that moves a disk at its velocity, 2 m/s for 1 s:
+
+    >>> class Flight:
+    ...     def __init__(self, scene, numerics, pairs):
+    ...         self.x, self.v, self.dt = scene.disks.x.copy(), scene.disks.v, numerics.dt
+    ...     def warm_up(self): pass
+    ...     def advance(self, n_steps): self.x += n_steps * self.dt * self.v
+    ...     def observe(self, history, row): history.x[row] = self.x
+    >>> disk = Disks(x=[[0.0, 0.0]], v=[[2.0, 0.0]], radius=0.5, mass=1.0)
+    >>> run = run_session(Flight, Scene(disks=disk, disk_disk=ContactLaw(kn=1e6)), Numerics(dt=0.5, n_steps=2), ())
+    >>> run.history.x[:, 0, 0].tolist()
+    [0.0, 1.0, 2.0]
+    """
     pairs = tuple(scene.check_pair(pair) for pair in watch)
     steps = numerics.sampled_steps()
     history = History.empty(
@@ -366,5 +562,22 @@ def run_session(
 
 
 def timings_of(setup: Stopwatch, warm_up: Stopwatch, stepping: Stopwatch) -> Timings:
-    """Timings of a run in this process."""
+    """Return the timings of a run in this process.
+
+    Parameters
+    ----------
+    setup, warm_up, stepping : Stopwatch
+
+    Returns
+    -------
+    Timings
+
+    Examples
+    --------
+    >>> idle, busy = Stopwatch(), Stopwatch()
+    >>> busy.wall, busy.cpu = 2.0, 1.5
+    >>> timings = timings_of(idle, idle, busy)
+    >>> timings.advance, timings.cpu
+    (2.0, 1.5)
+    """
     return Timings(setup=setup.wall, warm_up=warm_up.wall, advance=stepping.wall, cpu=stepping.cpu)

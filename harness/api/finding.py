@@ -46,7 +46,7 @@ class Size:
         Quantity of the same cell whose scale, the largest ``|expected|``, ``abs_error`` and ``value`` are divided by; "": the
         row's own quantity; "1": the quantity is relative as it is.
     over : float
-        The finding is there while the size is larger than this.
+        The finding is there while the size [-] is larger than this.
     over_why : str
         Why that and no other number: round-off, the order of the scheme, what a right engine shows.
     fails : bool
@@ -54,6 +54,14 @@ class Size:
     sign : {-1, 0, 1}
         1 where the value is too large, -1 where it is too small (`sign_of`): an error of the other sign is not this finding. 0 where
         either sign is: of forces whose sense depends on the path, of what only says that something breaks.
+
+    Examples
+    --------
+    >>> size = Size(
+    ...     case="incline-block", variant="mu=0.4,dt=0.01", quantity="distance", over=1e-9, over_why="a stuck block rests"
+    ... )
+    >>> 2e-6 > size.over, 1e-12 > size.over
+    (True, False)
     """
 
     table: Literal["measurements", "headlines", "cells", "determinism"] = "measurements"
@@ -70,10 +78,24 @@ class Size:
 
 
 def sign_of(value: float, expected: float) -> int:
-    """1 where a value is too large, -1 where it is too small, 0 where it is right or one of them is NaN.
+    """Return 1 where a value is too large, -1 where it is too small, 0 where it is right or one of them is NaN.
 
     Of a truth below zero, such as a spin that turns clockwise, the size counts: -1.2 is too large where -1 is expected. A truth that is
     zero, or nothing beside the error, has no side: there a positive value is too large.
+
+    Parameters
+    ----------
+    value, expected : float
+        In the same unit.
+
+    Returns
+    -------
+    int
+
+    Examples
+    --------
+    >>> sign_of(1.2, 1.0), sign_of(-1.2, -1.0), sign_of(0.5, 1.0), sign_of(1.0, 1.0)
+    (1, 1, -1, 0)
     """
     away = value - expected
     if expected < -NOTHING_BESIDE * abs(away):
@@ -111,6 +133,15 @@ class Finding:
     command : str
         Complete ``ninedisk`` command that shows it; by default one that runs the case of ``size`` with the parameters that its
         variant names, or repeats runs of the engine.
+
+    Examples
+    --------
+    >>> size = Size(
+    ...     case="incline-block", variant="mu=0.4,dt=0.01", quantity="distance", over=1e-9, over_why="a stuck block rests"
+    ... )
+    >>> finding = Finding(id="acme/creeps", versions="1.0", what="a block that should stick creeps", size=size)
+    >>> finding.engine, finding.command
+    ('acme', 'ninedisk run incline-block --engine acme --set mu=0.4 --set dt=0.01')
     """
 
     id: str
@@ -138,12 +169,35 @@ class Finding:
 
 @lru_cache(maxsize=1)
 def known_findings() -> tuple[Finding, ...]:
-    """The findings of all engines and cases that are registered, engines first; loads neither engines nor cases."""
+    """Return the findings of all engines and cases that are registered, engines first; loads neither engines nor cases.
+
+    Returns
+    -------
+    tuple of Finding
+
+    Examples
+    --------
+    Ids are unique, and each begins with the engine's:
+
+    >>> ids = [finding.id for finding in known_findings()]
+    >>> len(ids) == len(set(ids)), all("/" in each for each in ids)
+    (True, True)
+    """
     return _collected()[0]
 
 
 def finding_problems() -> tuple[str, ...]:
-    """What is wrong with the findings of installed packages, a sentence each; such findings are left out."""
+    """Return what is wrong with the findings of installed packages, a sentence each; such findings are left out.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> all(isinstance(sentence, str) for sentence in finding_problems())
+    True
+    """
     return _collected()[1]
 
 

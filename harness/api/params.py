@@ -41,6 +41,13 @@ def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
     ParameterError
         Unknown parameter (close matches and the case's parameters are listed), value outside its range or
         choices, wrong unit.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.registry import get_case
+    >>> case = get_case("binary-collision")
+    >>> resolve(case, {"dt": "10 ms", "restitution": "1/2"}).params["restitution"]
+    0.5
     """
     known = {parameter.name: parameter for parameter in case.parameters}
     for name in overrides:
@@ -61,7 +68,31 @@ def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
 
 
 def foreign_settings(case: Case, params: Mapping[str, Any], contact: str) -> list[str]:
-    """Parameters that differ from their default although only engines with another kind of contact have them."""
+    """Return the parameters that differ from their default although only engines with another kind of contact have them.
+
+    Parameters
+    ----------
+    case : Case
+    params : mapping from str to value
+        All parameters of a variant.
+    contact : {"spring", "impulse", "cd", "soft"}
+        Kind of contact of the engine.
+
+    Returns
+    -------
+    list of str
+        Names of parameters.
+
+    Examples
+    --------
+    Newton's law of impact means something to contact dynamics only:
+
+    >>> from ninedisk.harness.api.registry import get_case
+    >>> case = get_case("binary-collision")
+    >>> newton = resolve(case, {"impact": "newton"}).params
+    >>> foreign_settings(case, newton, "spring"), foreign_settings(case, newton, "cd")
+    (['impact'], [])
+    """
     return [
         parameter.name
         for parameter in case.parameters
@@ -70,7 +101,23 @@ def foreign_settings(case: Case, params: Mapping[str, Any], contact: str) -> lis
 
 
 def describe_parameters(parameters: Sequence[Parameter]) -> str:
-    """One line a parameter: name, default, unit, allowed values and help."""
+    """Describe parameters, one line each: name, default, unit, help and allowed values.
+
+    Parameters
+    ----------
+    parameters : sequence of Parameter
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.case import Parameter
+    >>> speed = Parameter.positive("speed", 3.0, unit="m/s", help="initial speed")
+    >>> describe_parameters([speed]).strip()
+    'speed = 3 m/s: initial speed [a number > 0]'
+    """
     lines = []
     for p in parameters:
         unit = f" {p.unit}" if p.unit and p.unit != "-" else ""
@@ -79,7 +126,22 @@ def describe_parameters(parameters: Sequence[Parameter]) -> str:
 
 
 def allowed(parameter: Parameter) -> str:
-    """The values a parameter takes, in words."""
+    """Describe the values that a parameter takes.
+
+    Parameters
+    ----------
+    parameter : Parameter
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.case import Parameter
+    >>> allowed(Parameter(name="restitution", default=0.5, low=0.0, high=1.0, help="of the contact"))
+    'a number >= 0 and <= 1'
+    """
     kind = _kind(parameter)
     if kind == "bool":
         text = "true or false"
@@ -98,7 +160,21 @@ def allowed(parameter: Parameter) -> str:
 
 
 def format_value(value: Any) -> str:
-    """Canonical text of a value: the shortest that reads back to the same value; no space, slash or comma in it."""
+    """Format a value: the shortest text that reads back to the same value, without space, slash or comma.
+
+    Parameters
+    ----------
+    value : float, int, str, bool or None
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> format_value(0.1), format_value(1e6), format_value(True), format_value(None)
+    ('0.1', '1e+06', 'true', 'none')
+    """
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -110,7 +186,31 @@ def format_value(value: Any) -> str:
 
 
 def parse(parameter: Parameter, given: Any) -> Any:
-    """One value, checked and converted; raises `ParameterError` naming the value and what is allowed."""
+    """Check and convert one value.
+
+    Parameters
+    ----------
+    parameter : Parameter
+    given : float, int, str, bool or None
+        A text may carry a unit or be a fraction.
+
+    Returns
+    -------
+    float, int, str, bool or None
+        A number is in the parameter's unit.
+
+    Raises
+    ------
+    ParameterError
+        Naming the value and what is allowed.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.case import Parameter
+    >>> speed = Parameter.positive("speed", 3.0, unit="m/s", help="initial speed")
+    >>> parse(speed, "36 km/h"), parse(speed, "1/4")
+    (10.0, 0.25)
+    """
     text = given.strip() if isinstance(given, str) else None
     if given is None or (text == "none" and text not in parameter.choices):
         if parameter.optional or parameter.default is None:
@@ -222,7 +322,23 @@ _SUFFIX = re.compile(r"(?:[^\W\d_]|[µ°%]|[*/ .]|\^-?\d(?!\d|\s*\^)|(?<![\d^])1
 
 
 def split_number(text: str) -> tuple[str, str] | None:
-    """Number (decimal or a fraction of two numbers) and the unit behind it; None if the text is no number."""
+    """Split a text into number and unit; None if it is no number.
+
+    Parameters
+    ----------
+    text : str
+        A decimal or a fraction of two numbers, and a unit.
+
+    Returns
+    -------
+    tuple of str, or None
+        The number's text and the unit's, which may be empty.
+
+    Examples
+    --------
+    >>> split_number("36 km/h"), split_number("2/3"), split_number("fast")
+    (('36', 'km/h'), ('2/3', ''), None)
+    """
     if len(text) > 80:
         return None
     match = _NUMBER.fullmatch(text)
@@ -232,12 +348,31 @@ def split_number(text: str) -> tuple[str, str] | None:
 def to_unit(name: str, number: str, suffix: str, unit: str) -> float:
     """Convert ``number suffix`` to ``unit``.
 
-    ``number`` is a decimal or a fraction of two numbers, as `split_number` gives it.
+    Parameters
+    ----------
+    name : str
+        What the number is for, in messages.
+    number : str
+        A decimal or a fraction of two numbers, as `split_number` gives it.
+    suffix : str
+        Unit in which it is given.
+    unit : str
+        Unit that is wanted; "" or "-" for none.
+
+    Returns
+    -------
+    float
+        In ``unit``.
 
     Raises
     ------
     ParameterError
         If the unit is unknown or has another dimension; the message names the expected unit.
+
+    Examples
+    --------
+    >>> to_unit("kn", "36", "kN/m", "N/m"), to_unit("dt", "1/4", "ms", "s")
+    (36000.0, 0.00025)
     """
     expected = unit if unit != "-" else ""
     want = f"give it in {expected}" if expected else "it has no unit: give a bare number"

@@ -119,16 +119,46 @@ ENGINE_GROUP = "ninedisk.engines"
 
 
 class UnknownIdError(UsageError):
-    """No case or engine has this id."""
+    """No case or engine has this id.
+
+    Examples
+    --------
+    >>> get_engine("lamps")
+    Traceback (most recent call last):
+    ninedisk.harness.api.registry.UnknownIdError: there is no engine 'lamps'. Did you mean 'lammps'? ...
+    """
 
 
 class BrokenEntryError(UsageError):
-    """A case or engine is registered but cannot be loaded."""
+    """A case or engine is registered but cannot be loaded.
+
+    Examples
+    --------
+    >>> from ninedisk.harness.api.errors import UsageError
+    >>> issubclass(BrokenEntryError, UsageError)
+    True
+    """
 
 
 @dataclass(frozen=True)
 class Registered:
-    """An id's object as ``"module:attribute"``, the distribution that provides it, and what is wrong with it, if anything."""
+    """What is registered under an id.
+
+    Parameters
+    ----------
+    where : str
+        The object, ``"module:attribute"``.
+    origin : str
+        Distribution that provides it.
+    problem : str
+        What is wrong with it; "" for nothing.
+
+    Examples
+    --------
+    >>> entry = engine_table()["dem"]
+    >>> entry.where, entry.origin, entry.problem
+    ('ninedisk.harness.engines.dem.adapter:ENGINE', 'ninedisk', '')
+    """
 
     where: str
     origin: str
@@ -141,18 +171,48 @@ BUILTIN = "ninedisk"
 
 @lru_cache(maxsize=1)
 def case_table() -> Mapping[str, Registered]:
-    """Every known case by its id."""
+    """Return every known case by its id, without loading any.
+
+    Returns
+    -------
+    mapping from str to Registered
+
+    Examples
+    --------
+    >>> case_table()["binary-collision"].where
+    'ninedisk.harness.cases.impact.binary:CASE'
+    """
     return _registered(CASE_GROUP)[0]
 
 
 @lru_cache(maxsize=1)
 def engine_table() -> Mapping[str, Registered]:
-    """Every known engine by its id."""
+    """Return every known engine by its id, without loading any.
+
+    Returns
+    -------
+    mapping from str to Registered
+
+    Examples
+    --------
+    >>> list(engine_table())[:2]
+    ['dem', 'cd']
+    """
     return _registered(ENGINE_GROUP)[0]
 
 
 def problems() -> tuple[str, ...]:
-    """What is wrong with the announcements of installed packages, a sentence each that names the package."""
+    """Return what is wrong with the announcements of installed packages, a sentence each that names the package.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> all(isinstance(sentence, str) for sentence in problems())
+    True
+    """
     found = (text for group in (CASE_GROUP, ENGINE_GROUP) for text in _registered(group)[1])
     return tuple(dict.fromkeys(found))
 
@@ -211,7 +271,15 @@ def _name(distribution: Any) -> str:
 
 
 def get_case(case_id: str) -> Case:
-    """The case with this id.
+    """Return the case with this id.
+
+    Parameters
+    ----------
+    case_id : str
+
+    Returns
+    -------
+    Case
 
     Raises
     ------
@@ -219,19 +287,58 @@ def get_case(case_id: str) -> Case:
         Naming close matches and all ids.
     BrokenEntryError
         If its module cannot be imported or does not define it.
+
+    Examples
+    --------
+    >>> get_case("binary-collision").title
+    'Binary collision of two disks'
     """
     found: Case = _load(case_id, case_table(), "case")
     return found
 
 
 def get_engine(engine_id: str) -> Engine:
-    """The engine with this id; raises as `get_case` does."""
+    """Return the engine with this id.
+
+    Parameters
+    ----------
+    engine_id : str
+
+    Returns
+    -------
+    Engine
+
+    Raises
+    ------
+    UnknownIdError, BrokenEntryError
+        As `get_case`.
+
+    Examples
+    --------
+    >>> get_engine("cd").info().contact
+    'cd'
+    """
     found: Engine = _load(engine_id, engine_table(), "engine")
     return found
 
 
 def engines_that_load(wanted: Callable[[str], bool]) -> dict[str, Engine]:
-    """The engines among the wanted ids whose adapters can be loaded, in the table's order."""
+    """Return the engines among the wanted ids whose adapters can be loaded, in the table's order.
+
+    Parameters
+    ----------
+    wanted : callable
+        Whether an id is wanted.
+
+    Returns
+    -------
+    dict from str to Engine
+
+    Examples
+    --------
+    >>> list(engines_that_load(lambda engine_id: engine_id in ("cd", "dem")))
+    ['dem', 'cd']
+    """
     found = {}
     for name in filter(wanted, engine_table()):
         with suppress(BrokenEntryError):
@@ -240,7 +347,23 @@ def engines_that_load(wanted: Callable[[str], bool]) -> dict[str, Engine]:
 
 
 def check_engine_ids(ids: Iterable[str]) -> None:
-    """Refuse ids of engines that do not exist, without loading any; raises `UnknownIdError`."""
+    """Refuse ids of engines that do not exist, without loading any.
+
+    Parameters
+    ----------
+    ids : iterable of str
+
+    Raises
+    ------
+    UnknownIdError
+        Naming close matches.
+
+    Examples
+    --------
+    >>> check_engine_ids(["dem", "yad"])
+    Traceback (most recent call last):
+    ninedisk.harness.api.registry.UnknownIdError: there is no engine 'yad'. Did you mean 'yade'...
+    """
     for name in ids:
         _check_id(name, engine_table(), "engine")
 
@@ -251,7 +374,7 @@ def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
 
 
 def _known(name: str, table: Mapping[str, Registered], kind: str) -> str:
-    """What a name may have meant, and where all there is stands."""
+    """Return what a name may have meant, and where all names are listed."""
     return f".{close_matches(name, table)} `ninedisk list {kind}s` shows all {len(table)}"
 
 
@@ -281,12 +404,25 @@ def _load(name: str, table: Mapping[str, Registered], kind: str) -> Any:
 
 
 def match_cases(globs: Iterable[str]) -> list[str]:
-    """Ids of the cases that match any of the patterns, in the table's order; no pattern means all cases.
+    """Return the ids of the cases that match any of the patterns, in the table's order; no pattern means all cases.
+
+    Parameters
+    ----------
+    globs : iterable of str
+
+    Returns
+    -------
+    list of str
 
     Raises
     ------
     UnknownIdError
         If a pattern matches nothing.
+
+    Examples
+    --------
+    >>> match_cases(["nine-disk/*"])
+    ['nine-disk/compression', 'nine-disk/distortion']
     """
     table, patterns = case_table(), list(globs)
     for pattern in patterns:

@@ -6,7 +6,30 @@ from ninedisk.harness.api.finding import Finding, Size
 
 
 def ratchet(engine: str, versions: str, *, variant: str, documented: str = "", thread: str = "") -> Finding:
-    """Shear along a path to and fro; ``variant`` names the retraced loop on which it is seen."""
+    """Describe shear forces that drift along a path to and fro.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+    variant : str
+        Retraced loop on which it is seen.
+    documented : str
+        Where the engine's documentation says so.
+    thread : str
+        Address of an upstream issue or discussion.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> ratchet("acme", "1.0", variant="dt=0.01").size.over
+    1e-05
+    """
     return Finding(
         id=f"{engine}/ratchet",
         versions=versions,
@@ -32,7 +55,24 @@ def ratchet(engine: str, versions: str, *, variant: str, documented: str = "", t
 
 
 def friction_while_pulled(engine: str, versions: str) -> Finding:
-    """Coulomb's bound by the size of a normal force that pulls."""
+    """Describe Coulomb's bound by the size of a normal force that pulls.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> friction_while_pulled("acme", "1.0").size.case
+    'spheres/thornton'
+    """
     return Finding(
         id=f"{engine}/friction-while-pulled",
         versions=versions,
@@ -54,7 +94,26 @@ def friction_while_pulled(engine: str, versions: str) -> Finding:
 
 
 def dashpot_never_pulls(engine: str, versions: str, laws: str) -> Finding:
-    """Rebounds of dashpots without tension; ``laws`` names those of the engine."""
+    """Describe rebounds of dashpots without tension.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+    laws : str
+        Contact laws of the engine that have such dashpots.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> dashpot_never_pulls("acme", "1.0", "hertz").size.sign  # too fast
+    1
+    """
     return Finding(
         id=f"{engine}/dashpot-never-pulls",
         versions=versions,
@@ -76,7 +135,24 @@ def dashpot_never_pulls(engine: str, versions: str, laws: str) -> Finding:
 
 
 def plane_at_rest_at_first(engine: str, versions: str) -> Finding:
-    """A moving plane that the first step takes for one at rest."""
+    """Describe a moving plane that the first step takes for one at rest.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> plane_at_rest_at_first("acme", "1.0").id
+    'acme/plane-at-rest-at-first'
+    """
     return Finding(
         id=f"{engine}/plane-at-rest-at-first",
         versions=versions,
@@ -97,7 +173,26 @@ def plane_at_rest_at_first(engine: str, versions: str) -> Finding:
 
 
 def shear_keeps_twist(engine: str, versions: str, *, kind: str = "spun", axis: str = "across") -> Finding:
-    """Shear forces that do not turn about the normal; ``kind`` and ``axis`` name the turned pair on which it is seen."""
+    """Describe shear forces that do not turn about the normal.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+    kind, axis : str
+        Turned pair on which it is seen.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> shear_keeps_twist("acme", "1.0").command
+    'ninedisk run spheres/turned --engine acme --set kind=spun'
+    """
     sets = f"--set kind={kind}" + ("" if axis == "across" else f" --set axis={axis}")
     return Finding(
         id=f"{engine}/shear-keeps-twist",
@@ -119,7 +214,28 @@ def shear_keeps_twist(engine: str, versions: str, *, kind: str = "spun", axis: s
 
 
 def elastic_bounces_grow(engine: str, versions: str, *, thread: str = "", command: str = "") -> Finding:
-    """Restitution 1 that gives back what gravity added within the step of the impact."""
+    """Describe restitution 1 that gives back what gravity added within the step of the impact.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+    thread : str
+        Address of an upstream issue or discussion.
+    command : str
+        Complete command that shows it; "": that of the case.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> elastic_bounces_grow("acme", "1.0").command
+    'ninedisk run impact/bouncing-disk --engine acme --set restitution=1'
+    """
     return Finding(
         id=f"{engine}/elastic-bounces-grow",
         versions=versions,
@@ -145,7 +261,24 @@ def elastic_bounces_grow(engine: str, versions: str, *, thread: str = "", comman
 
 
 def overlap_of_impact_stays(engine: str, versions: str) -> Finding:
-    """The overlap of an inelastic impact within a step, left for good."""
+    """Describe the overlap of an inelastic impact within a step, left for good.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> overlap_of_impact_stays("acme", "1.0").size.sign  # too deep
+    -1
+    """
     return Finding(
         id=f"{engine}/overlap-of-impact-stays",
         versions=versions,
@@ -169,7 +302,28 @@ def overlap_of_impact_stays(engine: str, versions: str) -> Finding:
 
 
 def creeps_at_rest(engine: str, versions: str, why: str, *, documented: str = "") -> Finding:
-    """Sticking that creeps, because of ``why``: what friction is in this engine, the begin of the sentence."""
+    """Describe sticking that creeps.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+    why : str
+        What friction is in this engine: the start of the sentence.
+    documented : str
+        Where the engine's documentation says so.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> creeps_at_rest("acme", "1.0", "Friction is viscous").what
+    'Friction is viscous: a block that should stick creeps down the incline at a steady rate.'
+    """
     return Finding(
         id=f"{engine}/creeps-at-rest",
         versions=versions,

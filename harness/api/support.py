@@ -32,12 +32,28 @@ NOTE_RESTITUTION = "the scene prescribes no restitution: 0 is used"
 
 
 def contact_steps(scene: Scene | SphereScene, numerics: Numerics) -> tuple[int, float]:
-    """Contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
+    """Return the number of contact steps in one ``dt`` and their length [s]: those of the in-house DEM, whose scheme it is.
+
+    Parameters
+    ----------
+    scene : Scene or SphereScene
+    numerics : Numerics
+
+    Returns
+    -------
+    tuple of int and float
+        Number, and length [s].
 
     Raises
     ------
     UnstableTimeStepError
         If ``numerics.contact_dt`` exceeds the critical step and ``numerics.allow_unstable`` is False.
+
+    Examples
+    --------
+    >>> scene = Scene(disks=Disks(x=[[0.0, 0.0]], radius=0.5, mass=1.0), disk_disk=ContactLaw(kn=1e6))
+    >>> contact_steps(scene, Numerics(dt=0.01, n_steps=1, contact_dt=0.001))
+    (10, 0.001)
     """
     if isinstance(scene, SphereScene):
         from ninedisk.core.dem.space.session import contact_step as step_in_space
@@ -51,7 +67,29 @@ def contact_steps(scene: Scene | SphereScene, numerics: Numerics) -> tuple[int, 
 
 
 def support_of(engine: Engine, scene: Scene | SphereScene, numerics: Numerics) -> Support:
-    """`Engine.supports`, which is only asked about scenes of a dimension that the engine has."""
+    """Return `Engine.supports`, which is asked only about scenes of a dimension that the engine has.
+
+    Parameters
+    ----------
+    engine : Engine
+    scene : Scene or SphereScene
+    numerics : Numerics
+
+    Returns
+    -------
+    Support
+
+    Examples
+    --------
+    The in-house DEM keeps no velocity of a disk fixed:
+
+    >>> from ninedisk.harness.api.registry import get_engine
+    >>> disk = Disks(x=[[0.0, 0.0]], v=[[1.0, 0.0]], radius=0.5, mass=1.0, held=True)
+    >>> scene = Scene(disks=disk, disk_disk=ContactLaw(kn=1e6))
+    >>> answer = support_of(get_engine("dem"), scene, Numerics(dt=0.01, n_steps=1))
+    >>> answer.level.value, [capability.name for capability in answer.missing]
+    ('no', ['HELD_MOTION'])
+    """
     if isinstance(scene, SphereScene) and Capability.SPHERES not in engine.info().capabilities:
         return Support(SupportLevel.NO, missing=(Capability.SPHERES,))
     if isinstance(scene, Scene) and not engine.info().plane:
@@ -60,11 +98,29 @@ def support_of(engine: Engine, scene: Scene | SphereScene, numerics: Numerics) -
 
 
 def rigid_needs(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
-    """Capabilities that a rigid engine needs: a preload of regularising springs is none of its business.
+    """Return the capabilities that a rigid engine needs, which ignores a preload of regularising springs.
 
     Shear forces that contacts carry from the start and the overlaps that go with them are the state of the springs; a
     rigid contact finds its forces anew in each step. Where every preloaded contact is regularised, `PRELOAD` is
     therefore dropped.
+
+    Parameters
+    ----------
+    scene : Scene or SphereScene
+    numerics : Numerics
+
+    Returns
+    -------
+    frozenset of Capability
+
+    Examples
+    --------
+    >>> law = ContactLaw(kn=1e6, restitution=0.5, regularised=True)
+    >>> disks = Disks(x=[[0.0, 0.0], [2.0, 0.0]], radius=1.0, mass=1.0)
+    >>> scene = Scene(disks=disks, disk_disk=law, gravity=(0.0, -10.0))
+    >>> preloaded = scene.replace(initial_shear={(0, 1): 5.0})
+    >>> [need.name for need in rigid_needs(preloaded, Numerics(dt=0.01, n_steps=1))]
+    ['GRAVITY']
     """
     need = capabilities_needed(scene, numerics)
     if all(scene.law(pair).regularised for pair, force in _initial_shear(scene).items() if force):
@@ -82,7 +138,7 @@ def rigid_support(
     approximations: Sequence[str] = (),
     preload_note: str = NOTE_PRELOAD,
 ) -> Support:
-    """How an engine with rigid contacts expresses a scene; one whose stiffness matters is refused.
+    """Tell how an engine with rigid contacts expresses a scene; one whose stiffness matters is refused.
 
     Parameters
     ----------
@@ -97,6 +153,20 @@ def rigid_support(
         In what the engine only comes near to the scene.
     preload_note : str
         What becomes of the preload of regularising springs.
+
+    Returns
+    -------
+    Support
+
+    Examples
+    --------
+    >>> law = ContactLaw(kn=1e6, restitution=0.5, regularised=True)
+    >>> disks = Disks(x=[[0.0, 0.0], [2.0, 0.0]], radius=1.0, mass=1.0)
+    >>> scene = Scene(disks=disks, disk_disk=law, gravity=(0.0, -10.0))
+    >>> from ninedisk.harness.api.capabilities import Capability
+    >>> numerics, able = Numerics(dt=0.01, n_steps=1), {Capability.GRAVITY, Capability.RESTITUTION}
+    >>> rigid_support(scene, numerics, able).level.value, rigid_support(scene, numerics, set()).level.value
+    ('exact', 'no')
     """
     need = set(rigid_needs(scene, numerics))
     laws = scene.laws_in_use
@@ -117,12 +187,31 @@ def rigid_support(
 
 
 def has_spring_preload(scene: Scene | SphereScene) -> bool:
-    """Whether `without_spring_preload` changes anything."""
+    """Tell whether `without_spring_preload` changes anything.
+
+    Parameters
+    ----------
+    scene : Scene or SphereScene
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    A disk of radius 0.5 m at a height of 0.4 m overlaps the floor:
+
+    >>> law = ContactLaw(kn=1e6, regularised=True)
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    >>> sunk = Scene(disks=Disks(x=[[0.0, 0.4]], radius=0.5, mass=1.0), disk_disk=law, walls=[floor])
+    >>> has_spring_preload(sunk)
+    True
+    """
     return without_spring_preload(scene) is not scene
 
 
 def without_spring_preload(scene: AnyScene) -> AnyScene:
-    """The same scene with the initial state of the regularising springs undone.
+    """Return the same scene with the initial state of the regularising springs undone.
 
     Each body that overlaps a wall is moved along the wall's normal until it touches, and initial shear forces of
     regularised contacts are dropped. Overlaps between disks or spheres stay as they are: no single displacement undoes a chain of
@@ -136,6 +225,16 @@ def without_spring_preload(scene: AnyScene) -> AnyScene:
     -------
     Scene or SphereScene
         The very same object where there is nothing to undo.
+
+    Examples
+    --------
+    A disk of radius 0.5 m at a height of 0.4 m is lifted to 0.5 m:
+
+    >>> law = ContactLaw(kn=1e6, regularised=True)
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
+    >>> sunk = Scene(disks=Disks(x=[[0.0, 0.4]], radius=0.5, mass=1.0), disk_disk=law, walls=[floor])
+    >>> without_spring_preload(sunk).disks.x.tolist()
+    [[0.0, 0.5]]
     """
     x = np.array(scene.bodies.x)
     moved = False

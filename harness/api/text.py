@@ -9,24 +9,87 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u206
 
 
 def short(value: float) -> str:
-    """Two or three significant digits; ``-`` for no number."""
+    """Format a number with up to three significant digits; ``-`` for no number.
+
+    Parameters
+    ----------
+    value : float
+        In any unit.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> short(9.80665), short(float("nan"))
+    ('9.81', '-')
+    """
     return "-" if math.isnan(value) else f"{value:.3g}"
 
 
 def some(count: int, word: str) -> str:
-    """A number and a noun: ``1,162 checks``, ``1 check``."""
+    """Format a number and a noun.
+
+    Parameters
+    ----------
+    count : int
+    word : str
+        The noun in the singular.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> some(1162, "check"), some(1, "check")
+    ('1,162 checks', '1 check')
+    """
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
 def times(base: float, head: float) -> str:
-    """How many times as large, ``1.30x``; ``-`` where that means nothing."""
+    """Format how many times as large a value is; ``-`` where that means nothing.
+
+    Parameters
+    ----------
+    base : float
+        In any unit, > 0.
+    head : float
+        In the unit of ``base``.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> times(2.0, 2.6), times(0.0, 1.0)
+    ('1.30x', '-')
+    """
     if math.isnan(base) or math.isnan(head) or base <= 0.0:
         return "-"
     return f"{head / base:.2f}x" if head < 100.0 * base else f"{head / base:.1e}x"
 
 
 def duration(seconds: float) -> str:
-    """Seconds with a fitting unit."""
+    """Format a duration with a fitting unit.
+
+    Parameters
+    ----------
+    seconds : float
+        [s].
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> duration(2.5), duration(0.025), duration(2.5e-5)
+    ('2.5 s', '25 ms', '25 us')
+    """
     if math.isnan(seconds):
         return "-"
     for unit, size in (("s", 1.0), ("ms", 1e-3)):
@@ -36,12 +99,42 @@ def duration(seconds: float) -> str:
 
 
 def printable(text: str) -> str:
-    """Text on one line without control characters, which could move a terminal's cursor or break a file's syntax."""
+    """Replace control characters, which could move a terminal's cursor or break a file's syntax, by spaces.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    str
+        One line.
+
+    Examples
+    --------
+    >>> printable("two" + chr(10) + "lines")
+    'two lines'
+    """
     return _CONTROL.sub(" ", text)
 
 
 def found_and_expected(value: float, expected: float) -> tuple[str, str]:
-    """Both numbers with their signs, with as many digits as it takes to see that they differ, at least four."""
+    """Format two numbers with their signs, with as many digits as show that they differ, at least four.
+
+    Parameters
+    ----------
+    value, expected : float
+        In the same unit.
+
+    Returns
+    -------
+    tuple of str
+
+    Examples
+    --------
+    >>> found_and_expected(0.5, 0.25), found_and_expected(1.00001, 1.0)
+    (('+0.5', '+0.25'), ('+1.00001', '+1'))
+    """
     for digits in range(4, 17):
         found, wanted = (f"{number:+.{digits}g}" for number in (value, expected))
         if found != wanted or value == expected:

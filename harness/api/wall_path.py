@@ -9,7 +9,28 @@ from ninedisk.core.scene import Scene, WallSegment
 
 
 def moving_until(scene: Scene) -> float:
-    """Time [s] after which every wall rests; 0 if none ever moves, inf if one never stops."""
+    """Return the time [s] after which every wall rests.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    float
+        [s]; 0 if no wall ever moves, inf if one never stops.
+
+    Examples
+    --------
+    A floor that rises at 0.5 m/s for 2 s:
+
+    >>> law = ContactLaw(kn=1e6)
+    >>> rise = WallSegment(duration=2.0, velocity=(0.0, 0.5))
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law, motion=[rise])
+    >>> scene = Scene(disks=Disks(x=[[0.0, 5.0]], radius=0.5, mass=1.0), disk_disk=law, walls=[floor])
+    >>> moving_until(scene)
+    2.0
+    """
     end = 0.0
     for wall in scene.walls:
         begin = 0.0
@@ -21,7 +42,7 @@ def moving_until(scene: Scene) -> float:
 
 
 def wall_path(scene: Scene, dt: float, n_steps: int) -> NDArray[np.float64]:
-    """Wall tables of the steps ``0 .. k``, after which no wall moves any more (``k <= n_steps``).
+    """Return wall tables of the steps ``0 .. k``, after which no wall moves any more (``k <= n_steps``).
 
     Parameters
     ----------
@@ -38,6 +59,18 @@ def wall_path(scene: Scene, dt: float, n_steps: int) -> NDArray[np.float64]:
         Row ``n``: surface point x, y [m]; normal x, y [-]; pivot x, y [m] at ``n dt``; pivot velocity x, y [m/s] and rotation
         rate [rad/s] at ``(n - 1/2) dt``, the middle of the step that ends there. The last row has no velocity if the
         motion ends before the run does.
+
+    Examples
+    --------
+    A floor that rises at 0.5 m/s for 2 s:
+
+    >>> law = ContactLaw(kn=1e6)
+    >>> rise = WallSegment(duration=2.0, velocity=(0.0, 0.5))
+    >>> floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law, motion=[rise])
+    >>> scene = Scene(disks=Disks(x=[[0.0, 5.0]], radius=0.5, mass=1.0), disk_disk=law, walls=[floor])
+    >>> path = wall_path(scene, dt=0.5, n_steps=10)
+    >>> path[:, 0, 1].tolist(), path[1, 0, 7].item()
+    ([0.0, 0.25, 0.5, 0.75, 1.0, 1.0], 0.5)
     """
     from ninedisk.core.scene.motion import compile_motion
     from ninedisk.core.scene.motion_kernels import place_walls

@@ -1,4 +1,4 @@
-"""``ninedisk docs``: the documentation as pages, made of the cases themselves."""
+"""``ninedisk docs``: the documentation as pages, made of the cases and docstrings themselves."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ninedisk.harness.cli.support import CellProgress, guarded
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("docs", short_help="Build the documentation: a page for every case, and the guides.")(docs)
+    app.command("docs", short_help="Build the documentation: cases, API reference, guides.")(docs)
 
 
 @guarded
@@ -28,8 +28,9 @@ def docs(
     ] = None,
 ) -> None:
     """Build static pages that need no network: every case with its sketch, source, requirement, parameters with units and
-    ranges, truths, tolerances with their reasons, and commands to try; with --guides also the Markdown files
-    of a folder and of the folders in it, for instance those of the source tree's docs. The index lists them folder by folder.
+    ranges, truths, tolerances with their reasons, and commands to try; the API reference, from the docstrings; with --guides
+    also the Markdown files of a folder and of the folders in it, for instance those of the source tree's docs. The index lists them
+    folder by folder.
 
     Nothing is run: which truths bind which engine follows from the case and the engine's facts. Cases of installed
     packages have their pages, too.
@@ -40,6 +41,7 @@ def docs(
       ninedisk docs --guides docs --out public
     """
     from ninedisk.harness.results.whole_file import check_folder
+    from ninedisk.harness.run.api_record import api_record
     from ninedisk.harness.run.case_record import docs_record
     from ninedisk.reports.docs import write_docs
 
@@ -47,7 +49,7 @@ def docs(
     texts = [] if guides is None else read_guides(guides, guides_in(guides))
     with CellProgress() as progress:
         record = docs_record(progress)
-    typer.echo(f"documentation: {write_docs(record, texts, out, guides)}")
+    typer.echo(f"documentation: {write_docs(record, texts, out, guides, api_record())}")
 
 
 def read_guides(folder: Path, files: Sequence[Path]) -> list[tuple[str, str]]:

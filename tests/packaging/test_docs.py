@@ -19,8 +19,10 @@ from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.docs import guides_in, read_guides
+from ninedisk.harness.results.statuses import TABLE
 from ninedisk.harness.run import case_record as case_records
 from ninedisk.harness.run import workers
+from ninedisk.harness.run.api_record import MODULES
 from ninedisk.harness.run.plan import Cell
 from ninedisk.reports.docs import write_docs
 from ninedisk.reports.folder import ReportError
@@ -80,7 +82,10 @@ def test_every_case_and_guide_has_its_page(built: Path) -> None:
     for path in GUIDES:
         assert f'href="{path.parent.name}/{path.stem}.html"' in index
     pages = {path.relative_to(built).as_posix() for path in built.rglob("*.html")}
-    assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES)
+    api = {f"reference/api/{name}.html" for name in ("index", *(re.sub("[^a-z]", "-", module) for module in MODULES))}
+    assert api <= pages
+    assert 'href="reference/api/index.html"' in index
+    assert len(pages) == 1 + len(BUILTIN_CASES) + len(GUIDES) + len(api)
 
 
 def test_links_lead_somewhere_and_never_to_the_net(built: Path) -> None:
@@ -155,6 +160,12 @@ def test_programs_of_the_guides_run(path: Path, tmp_path: Path, monkeypatch: pyt
     for code in blocks(path, "python"):
         exec(compile(code, path.name, "exec"), names)
     assert list(tmp_path.iterdir()) == [], "an example leaves files behind"
+
+
+def test_the_guide_has_the_table_of_statuses() -> None:
+    guide = (ROOT / "docs" / "reference" / "command-line.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z-]+)` \| (.+) \| (\d) \|$", guide.partition("## Statuses")[2], re.MULTILINE)
+    assert rows == [(each.id, each.meaning, str(each.exit_code)) for each in TABLE.values()]
 
 
 def test_the_guides_show_something_to_run() -> None:
