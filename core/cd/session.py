@@ -376,7 +376,9 @@ class CdSession:
     def _check_resolution(self) -> None:
         """Refuse steps in which the rounding of gaps makes larger velocities than gravity and forces do."""
         disks, forces = self.scene.disks, self.scene.forces
-        pull = max([float(np.hypot(*self.scene.gravity)), *(np.hypot(*f.force) / disks.mass[f.disk] for f in forces)])
+        pull = max(
+            [float(np.hypot(*self.scene.gravity)), *(np.linalg.norm(f.force) / disks.mass[f.disk] for f in forces)]
+        )
         place = self._place(self._wall)
         gap = MISSED * place.round_off()
         if self.numerics.regime == "quasi-static" or gap <= pull * self.dt**2 or pull == 0.0:

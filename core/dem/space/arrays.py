@@ -122,7 +122,7 @@ def push_arrays(scene: SphereScene) -> Pushes:
     """Forces and torques on single spheres, by the scene's numbers."""
     return Pushes(
         row=np.array([each.disk for each in scene.forces], dtype=np.int64),
-        load=np.array([[*each.force, *each.torque] for each in scene.forces]).reshape(-1, 6),
+        load=np.array([np.append(each.force, each.torque) for each in scene.forces]).reshape(-1, 6),
         time=np.array([[each.begin, each.end] for each in scene.forces]).reshape(-1, 2),
     )
 

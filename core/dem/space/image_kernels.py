@@ -66,7 +66,7 @@ def room_left(images: Images, skin: float) -> float:
         x, y, z = x - (1.0 if a == 0 else 0.0), y - (1.0 if a == 1 else 0.0), z - (1.0 if a == 2 else 0.0)
         f2 += x * x + y * y + z * z
     f = sqrt(f2)
-    return max(0.5 * ((1.0 - f) * skin - f * 2.0 * images.widest[0]), 0.0)
+    return float(max(0.5 * ((1.0 - f) * skin - f * 2.0 * images.widest[0]), 0.0))
 
 
 @kernel

@@ -195,11 +195,11 @@ def damped_kick(state: State, scheme: Scheme, first: bool, begin: int, end: int)
             state.v_now[q] = v[q] + ahead * change
     for i in range(np.uint64(begin), np.uint64(end)):
         for c in range(np.uint64(3)):
-            q = FOUR * i + c
-            change = (less if inv_inertia[i] > 0.0 else 0.0) * omega[q] + gain * inv_inertia[i] * state.torque[q]
-            omega[q] += change
+            k = FOUR * i + c
+            change = (less if inv_inertia[i] > 0.0 else 0.0) * omega[k] + gain * inv_inertia[i] * state.torque[k]
+            omega[k] += change
             if sees_spins:
-                state.omega_now[q] = omega[q] + ahead * change
+                state.omega_now[k] = omega[k] + ahead * change
 
 
 @fused_kernel

@@ -126,7 +126,9 @@ def across_the_edge(info: EngineInfo) -> Probe:
     x = np.array([[1.0, 1.5, 0.5 * free + R], [1.0, 1.5, 4.0 - 0.5 * free - R]])
     v = np.array([[0.0, 0.0, -speed], [0.0, 0.0, speed]])
     scene = SphereScene(
-        spheres=Spheres(x=x, v=v, radius=R, mass=M), sphere_sphere=contact, cell=Cell(size=(3.0, 3.5, 4.0))
+        spheres=Spheres(x=x, v=v, radius=np.full(2, R), mass=np.full(2, M)),
+        sphere_sphere=contact,
+        cell=Cell(size=(3.0, 3.5, 4.0)),
     )
 
     def closed_forms(history: History) -> list[ClosedForm]:
