@@ -38,6 +38,7 @@ OUTSIDE = (
 
 PARTIAL = {
     "core.dem.space.arrays.MODELS": "3D has no viscous resistance",
+    "harness.api.capabilities.IN_3D": "most capabilities have one name in 2D and 3D",
     "harness.api.capabilities.TWISTING": "3D has no viscous resistance",
     "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.differences.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",

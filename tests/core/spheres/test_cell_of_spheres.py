@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from ninedisk.core import (
+    BodyForce,
     Cell,
     ContactLaw,
     Disks,
@@ -184,6 +186,16 @@ def test_a_checkpoint_goes_on_to_the_same_bits(tmp_path: Path) -> None:
         for name in ("x", "v", "omega", "stress"):
             np.testing.assert_array_equal(getattr(found, name), getattr(whole, name))
         assert found.energy["cell_work"][-1] == whole.energy["cell_work"][-1]
+
+
+def test_plain_data_give_the_same_scene() -> None:
+    scene = replace(
+        cell_3d(replace(LAW, cohesion=3.0)),
+        xi=0.3,
+        forces=(BodyForce(disk=3, force=(1.0, 0.1, -2.0), torque=(0.1, 0.2, 0.3), begin=0.1),),
+        initial_shear={(0, 1): (0.1, 0.2, 1.0 / 3.0)},
+    )
+    assert SphereScene.from_dict(json.loads(json.dumps(scene.to_dict()))) == scene
 
 
 def test_what_a_cell_cannot_have_is_refused() -> None:
