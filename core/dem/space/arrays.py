@@ -88,6 +88,8 @@ def image_arrays(cell: Cell, n: int, widest: float) -> Images:
         share=np.zeros(10),
         power=np.zeros(1),
         work=np.zeros(1),
+        boxes=np.ones(3, dtype=np.int64),
+        scratch=np.zeros(3),
     )
 
 

@@ -97,8 +97,7 @@ def sort_into_images(state: State, images: Images, width: float, cells: Cells) -
     ``cells.grid`` gets the boxes along the edges, and how many boxes to either side are within reach.
     """
     h, n = images.now, state.radius.shape[0]
-    count, most = np.ones(3, dtype=np.int64), int(cells.start.shape[0]) - 1
-    apart = np.zeros(3)
+    count, apart, most = images.boxes, images.scratch, int(cells.start.shape[0]) - 1
     # Distances of the faces: 1 over the rows of h^-1.
     for c in range(3):
         total = 0.0
@@ -170,7 +169,7 @@ def list_images(
     x, radius, inv_mass, inv_inertia, h = state.x, state.radius, state.inv_mass, state.inv_inertia, images.now
     nx, ny, nz = int(cells.grid[0]), int(cells.grid[1]), int(cells.grid[2])
     mx, my, mz = int(cells.grid[3]), int(cells.grid[4]), int(cells.grid[5])
-    room, k, shift = new.other.shape[0], 0, np.zeros(3)
+    room, k, shift = new.other.shape[0], 0, images.scratch
     new.start[0] = 0
     for i in range(radius.shape[0]):
         box = cells.cell[i]

@@ -152,6 +152,9 @@ class Images(NamedTuple):
         ``sum g (x) d`` of this step row by row [N m], and the power of the images [W].
     power, work : ndarray, shape (1,)
         That power in the step before [W], and the work of the images so far [J].
+    boxes : ndarray of int64, shape (3,)
+        Boxes of the cell along its edges.
+    scratch : ndarray, shape (3,)
     """
 
     size: Floats
@@ -163,6 +166,8 @@ class Images(NamedTuple):
     share: Floats
     power: Floats
     work: Floats
+    boxes: Integers
+    scratch: Floats
 
 
 class Step(NamedTuple):

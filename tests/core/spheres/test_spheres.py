@@ -207,7 +207,7 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: SphereLaw(e_star=1.0, ks=1.0), "ks = 1 is not allowed in the Hertz-Mindlin law"),
         (lambda: box(SphereLaw(kn=1.0, rolling=Rolling(model="viscous", mu=0.1))), "rolling model 'viscous' is not allowed in 3D"),
         (lambda: facing(room=-0.1), "walls 'floor' and 'roof' overlap"),
-        (lambda: box(SphereLaw(kn=1.0, cohesion=0.1)), "cohesion = 0.1 is not allowed in 3D, which does not have it"),
+        (lambda: box(SphereLaw(kn=1.0, adhesion=0.1)), "adhesion = 0.1 is not allowed in 3D, which does not have it"),
         (lambda: Elastic(E=1.0, nu=0.6), r"nu = 0.6 is not allowed: it must be a number in \[0, 0.5\]"),
         (lambda: Spheres(x=[[0, 0]], radius=1.0, mass=1.0), r"spheres.x has shape \(1, 2\); it must have shape \(n, 3\)"),
         (lambda: Spheres(x=[[0, 0, 0]], radius=-1.0, mass=1.0), r"spheres.radius\[0\] = -1 is not allowed"),
