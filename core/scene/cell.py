@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.scene.loads import is_vector
+from ninedisk.core.scene.loads import components
 from ninedisk.core.validate import LARGEST, at_least, finite
 
 
@@ -46,7 +46,7 @@ class Cell:
     rate: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        d = 3 if is_vector(self.size) and len(self.size) == 3 else 2
+        d = 3 if components(self.size) == 3 else 2
         size = finite("cell size", self.size, (d,))
         edges = tuple(at_least(f"cell size[{k}]", edge, 0.0, strict=True) for k, edge in enumerate(size))
         object.__setattr__(self, "size", edges)

@@ -54,7 +54,7 @@ class BodyForce:
         object.__setattr__(self, "disk", whole("force on disk", self.disk, 0, 2**31 - 1, error=InvalidSceneError))
         force: Any = self.force
         torque: Any = self.torque
-        solid = is_vector(torque) or (is_vector(force) and len(force) == 3)
+        solid = components(torque) > 0 or components(force) == 3
         if solid and isinstance(force, tuple) and force == (0.0, 0.0):
             force = (0.0, 0.0, 0.0)
         if solid and real(torque) == 0.0:
@@ -77,6 +77,11 @@ class BodyForce:
         return len(self.force)
 
 
-def is_vector(value: Any) -> bool:
-    """Whether a value has components, whatever these are."""
-    return hasattr(value, "__len__") and getattr(value, "ndim", 1) == 1 and not isinstance(value, str)
+def components(value: Any) -> int:
+    """Return how many components a vector has; 0 for what is none."""
+    if isinstance(value, str | bytes) or getattr(value, "ndim", 1) != 1:
+        return 0
+    try:
+        return len(value)
+    except (TypeError, ValueError, RuntimeError):
+        return 0

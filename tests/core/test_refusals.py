@@ -596,7 +596,7 @@ TARGETS: dict[str, Target] = {
     ),
     "BodyForce": Target(
         BodyForce,
-        {"disk": 0},
+        {"disk": 0, "torque": 1.0},  # a number, as in 2D
         {
             "disk": between(0, 2**31 - 1, whole=True), "force": Column(np.array([1.0, 2.0])), "torque": SIGNED, "begin": AMOUNT,
             "end": lambda value: math.inf if number(value) == math.inf and isinstance(value, float) else LATER(value),
@@ -605,8 +605,9 @@ TARGETS: dict[str, Target] = {
     ),
     "Cell": Target(
         Cell,
-        {"size": (1.0, 1.0)},
+        {"size": (1.0, 1.0), "rate": ((0.0, 1.0), (0.0, 2.0))},
         {"size": Column(np.array([1.0, 2.0]), SIZE), "rate": Column(np.array([[0.0, 1.0], [0.0, 2.0]]), rows=True)},
+        ("size", "rate"),
     ),
     "WallSegment": Target(
         WallSegment,
