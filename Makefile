@@ -79,9 +79,10 @@ engines: $(INSTALLED) ## Install all external engines that this machine can have
 	  else echo "Left out: Planck.js, the example of an engine in JavaScript; it needs node and npm"; fi
 	@$(PY) -m ninedisk list engines
 
-lint: $(DEVELOPED) ## Check style and format
+lint: $(DEVELOPED) ## Check style, format and wording
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
+	$(PY) tools/check_words.py
 
 types: $(DEVELOPED) $(LINKED) ## Check types, strictly
 	MYPYPATH=$(LINKED) $(PY) -m mypy -p ninedisk
