@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.errors import InvalidSceneError, UnwritableFileError
-from ninedisk.core.validate import shown
+from ninedisk.core.validate import short_repr
 
 
 @contextmanager
@@ -91,7 +91,7 @@ def _descriptor(path: Path) -> int | None:
     return None
 
 
-def made_folder(path: str | os.PathLike[str]) -> Path:
+def make_folder(path: str | os.PathLike[str]) -> Path:
     """The folder, made where it does not exist.
 
     Raises
@@ -110,7 +110,7 @@ def made_folder(path: str | os.PathLike[str]) -> Path:
 def _unwritable(path: object, error: Exception) -> UnwritableFileError:
     why = getattr(error, "strerror", None) or error
     return UnwritableFileError(
-        f"{shown(path)} cannot be written ({why}): give a path in a folder that exists and can be written"
+        f"{short_repr(path)} cannot be written ({why}): give a path in a folder that exists and can be written"
     )
 
 

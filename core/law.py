@@ -8,7 +8,7 @@ from math import log, pi, sqrt
 from typing import Any, Literal
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import at_least, flag, kind_of, one_of, real, shown, within
+from ninedisk.core.validate import at_least, flag, kind_of, one_of, real, short_repr, within
 
 LeverArm = Literal["radius", "overlap", "torque-overlap"]
 WallVelocityAt = Literal["surface", "mid-overlap"]
@@ -322,7 +322,7 @@ class ContactLaw:
             object.__setattr__(self, name, at_least(name, getattr(self, name), 0.0))
         if real(self.kn) == 0.0 and not self.hertz:
             raise InvalidSceneError(
-                f"kn = {shown(self.kn)} is not allowed: it must be a finite number > 0; give kn for the linear law, or e_star for "
+                f"kn = {short_repr(self.kn)} is not allowed: it must be a finite number > 0; give kn for the linear law, or e_star for "
                 "Hertz-Mindlin"
             )
         object.__setattr__(self, "kn", at_least("kn", self.kn, 0.0, strict=not self.hertz))

@@ -14,7 +14,7 @@ from ninedisk.core.errors import CoreError, InvalidNumericsError, InvalidSceneEr
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.base import AnyScene
-from ninedisk.core.validate import at_least, body_numbers, flag, items_of, kind_of, one_of, shown, whole, within
+from ninedisk.core.validate import at_least, body_numbers, flag, items_of, kind_of, one_of, short_repr, whole, within
 
 DampingForm = Literal["central", "lagged"]
 Impact = Literal["theta", "newton"]
@@ -112,10 +112,12 @@ class Numerics:
         for name in ("allow_unstable", "energy_budget"):
             object.__setattr__(self, name, flag(name, getattr(self, name), error=InvalidNumericsError))
         if not isinstance(self.solver, str):
-            raise InvalidNumericsError(f"solver = {shown(self.solver)} is not allowed: it must be the name of a solver")
+            raise InvalidNumericsError(
+                f"solver = {short_repr(self.solver)} is not allowed: it must be the name of a solver"
+            )
         if not (isinstance(self.options, Mapping) and all(isinstance(name, str) for name in self.options)):
             raise InvalidNumericsError(
-                f"options = {shown(self.options)} is not allowed: they must be a mapping from names to values"
+                f"options = {short_repr(self.options)} is not allowed: they must be a mapping from names to values"
             )
         object.__setattr__(self, "options", dict(self.options))  # a later change of the caller's is none of ours
         for name, choices in _CHOICES.items():
@@ -225,7 +227,7 @@ def check_progress(progress: object) -> None:
     """Raise `InvalidNumericsError` unless ``progress`` can be called or is None."""
     if not (progress is None or callable(progress)):
         raise InvalidNumericsError(
-            f"progress = {shown(progress)} is not allowed: it must be a function of two numbers, or None"
+            f"progress = {short_repr(progress)} is not allowed: it must be a function of two numbers, or None"
         )
 
 
@@ -260,14 +262,14 @@ def chosen_particles(scene: AnyScene, particles: Sequence[int] | None) -> NDArra
             chosen.append(*body_numbers("a particle is a whole number", (particle,)))
         except InvalidSceneError as error:
             raise InvalidSceneError(
-                f"particle {shown(particle)} is no whole number: {scene.noun}s are numbered 0..{n - 1}"
+                f"particle {short_repr(particle)} is no whole number: {scene.noun}s are numbered 0..{n - 1}"
             ) from error
         if not 0 <= chosen[-1] < n:
             raise InvalidSceneError(f"particle {particle} does not exist: {scene.noun}s are numbered 0..{n - 1}")
     return np.array(chosen, dtype=np.int64)
 
 
-def check_room(numerics: Numerics, n_chosen: int, n_walls: int, n_pairs: int) -> None:
+def check_memory(numerics: Numerics, n_chosen: int, n_walls: int, n_pairs: int) -> None:
     """Refuse a run whose samples this machine cannot hold.
 
     Raises

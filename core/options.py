@@ -8,7 +8,7 @@ from typing import Any
 
 from ninedisk.core.errors import InvalidNumericsError
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.validate import real, shown
+from ninedisk.core.validate import real, short_repr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +81,9 @@ class Option:
         """
         if self.choices:
             if not isinstance(value, str) or value not in self.choices:
-                raise InvalidNumericsError(f"{name} = {shown(value)} is unknown: use one of {', '.join(self.choices)}")
+                raise InvalidNumericsError(
+                    f"{name} = {short_repr(value)} is unknown: use one of {', '.join(self.choices)}"
+                )
             return value
         if value is None and self.none:
             return None
@@ -91,7 +93,7 @@ class Option:
         above = number > self.low if self.low_open else number >= self.low
         below = number < self.high if self.high_open or self.high == float("inf") else number <= self.high
         if not (above and below) or (self.whole and not number.is_integer()):
-            raise InvalidNumericsError(f"{name} = {shown(value)} is not allowed: it must be {self.allowed}")
+            raise InvalidNumericsError(f"{name} = {short_repr(value)} is not allowed: it must be {self.allowed}")
         return int(number) if self.whole else number
 
 

@@ -50,13 +50,13 @@ def _store(typingctx: Any, array: Any, index: Any, value: Any) -> Any:  # noqa: 
 
 
 @inline_kernel
-def tell(progress: NDArray[np.int64], at: int, value: int) -> None:
+def signal(progress: NDArray[np.int64], at: int, value: int) -> None:
     """Set ``progress[at]``: a thread that sees the value also sees what this one wrote before."""
     _store(progress, at, value)  # type: ignore[call-arg]
 
 
 @inline_kernel
-def reached(progress: NDArray[np.int64], at: int, value: int) -> None:
+def wait_until(progress: NDArray[np.int64], at: int, value: int) -> None:
     """Return when ``progress[at]`` is ``value`` or more."""
     polls = 0
     while _load(progress, at) < value:  # type: ignore[call-arg]
@@ -82,6 +82,6 @@ def wait_for_all(flags: NDArray[np.int64], thread: int, threads: int) -> None:
     if threads == 1:
         return
     phase = flags[thread * PAD] + 1
-    tell(flags, thread * PAD, phase)
+    signal(flags, thread * PAD, phase)
     for other in range(threads):
-        reached(flags, other * PAD, phase)
+        wait_until(flags, other * PAD, phase)

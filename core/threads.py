@@ -22,7 +22,7 @@ def check_threads(threads: int) -> int:
     return whole("threads", threads, 1, MOST_THREADS)
 
 
-def together(kernel: Callable[..., int], threads: int, shared: tuple[Any, ...]) -> int:
+def run_in_threads(kernel: Callable[..., int], threads: int, shared: tuple[Any, ...]) -> int:
     """Call ``kernel(thread, threads, *shared)`` in ``threads`` threads, this one being ``thread = 0``, and return its answer to this one.
 
     The kernel releases the interpreter and meets its fellows at barriers, so that all of them end together.

@@ -29,7 +29,7 @@ SHOWN = 500
 """Characters of a bad value that a message shows."""
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """``repr(value)``, shortened; whatever the value does when asked for it."""
     try:
         text = repr(value)
@@ -64,8 +64,8 @@ def numbers(name: str, value: ArrayLike) -> FloatArray:
         if all(_is_real(kind) for kind in {type(item) for item in items.flat}):
             return items.astype(np.float64)
     except Exception as error:  # whatever an object does that is asked to be an array
-        raise InvalidSceneError(f"{name} must be numbers, not {shown(value)}") from error
-    raise InvalidSceneError(f"{name} must be numbers, not {shown(value)}")
+        raise InvalidSceneError(f"{name} must be numbers, not {short_repr(value)}") from error
+    raise InvalidSceneError(f"{name} must be numbers, not {short_repr(value)}")
 
 
 def finite(name: str, value: ArrayLike, shape: tuple[int, ...], *, most: float = math.inf) -> FloatArray:
@@ -91,11 +91,11 @@ def at_least(
     number = real(value)
     if not (math.isfinite(number) and (number > low if strict else number >= low)):
         sign = ">" if strict else ">="
-        raise error(f"{name} = {shown(value)} is not allowed: it must be a finite number {sign} {low:g}")
+        raise error(f"{name} = {short_repr(value)} is not allowed: it must be a finite number {sign} {low:g}")
     if number > LARGEST or (strict and low == 0.0 and number < SMALLEST):
         first = SMALLEST if strict and low == 0.0 else low
         raise error(
-            f"{name} = {shown(value)} is not allowed: it must lie between {first:g} and {LARGEST:g}; change units"
+            f"{name} = {short_repr(value)} is not allowed: it must lie between {first:g} and {LARGEST:g}; change units"
         )
     return number
 
@@ -113,7 +113,7 @@ def within(
     number = real(value)
     if not ((number > low if open_low else number >= low) and number <= high):
         raise error(
-            f"{name} = {shown(value)} is not allowed: it must be a number in {'(' if open_low else '['}{low:g}, {high:g}]"
+            f"{name} = {short_repr(value)} is not allowed: it must be a number in {'(' if open_low else '['}{low:g}, {high:g}]"
         )
     return number
 
@@ -122,14 +122,14 @@ def whole(name: str, value: object, low: int, high: int, *, error: type[CoreErro
     """``value`` as an int in ``low .. high``, from any whole number; else ``error``."""
     number = real(value)
     if not (number.is_integer() and low <= number <= high):
-        raise error(f"{name} = {shown(value)} is not allowed: it must be a whole number {low}..{high}")
+        raise error(f"{name} = {short_repr(value)} is not allowed: it must be a whole number {low}..{high}")
     return int(value) if isinstance(value, int) else int(number)
 
 
 def flag(name: str, value: object, *, error: type[CoreError] = InvalidSceneError) -> bool:
     """``value`` if it is true or false; else ``error``."""
     if not isinstance(value, bool | np.bool_):
-        raise error(f"{name} = {shown(value)} is not allowed: it must be true or false")
+        raise error(f"{name} = {short_repr(value)} is not allowed: it must be true or false")
     return bool(value)
 
 
@@ -137,13 +137,13 @@ def one_of(name: str, value: object, choices: Iterable[str], *, error: type[Core
     """Raise ``error`` unless ``value`` is one of the words."""
     known = tuple(choices)
     if not (isinstance(value, str) and value in known):
-        raise error(f"{name} = {shown(value)} is unknown: use one of {', '.join(known)}")
+        raise error(f"{name} = {short_repr(value)} is unknown: use one of {', '.join(known)}")
 
 
 def kind_of(name: str, value: object, kind: type[Item], *, error: type[CoreError] = InvalidSceneError) -> Item:
     """``value`` if it is of the kind asked for; else ``error``."""
     if not isinstance(value, kind):
-        raise error(f"{name} = {shown(value)} is not allowed: it must be of the type {kind.__name__}")
+        raise error(f"{name} = {short_repr(value)} is not allowed: it must be of the type {kind.__name__}")
     return value
 
 
@@ -162,7 +162,7 @@ def items_of(name: str, values: object, wanted: str) -> tuple[Any, ...]:
             raise TypeError
         return tuple(values)  # type: ignore[arg-type]
     except Exception as error:  # whatever an object does that is asked for its items
-        raise InvalidSceneError(f"{name} = {shown(values)} is not allowed: it must be {wanted}") from error
+        raise InvalidSceneError(f"{name} = {short_repr(values)} is not allowed: it must be {wanted}") from error
 
 
 def body_numbers(name: str, value: object) -> tuple[int, ...]:
@@ -173,7 +173,7 @@ def body_numbers(name: str, value: object) -> tuple[int, ...]:
             raise TypeError
         return tuple(index(item) for item in items)
     except Exception as error:  # whatever an object does that is asked for its items
-        raise InvalidSceneError(f"{name}, not {shown(value)}") from error
+        raise InvalidSceneError(f"{name}, not {short_repr(value)}") from error
 
 
 def _is_real(kind: type) -> bool:

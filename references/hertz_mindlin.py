@@ -26,7 +26,7 @@ PLACES = (0.0, 0.25, 0.5, 0.75)
 """Where in a step the touch may fall."""
 
 
-class Spun(NamedTuple):
+class SpheresAfterImpact(NamedTuple):
     """Two spheres after an impact, in the frame of the touch: n from the first to the second, t along the surface.
 
     ``first`` and ``second`` are (velocity along n, along t [m/s], spin about n x t [rad/s]).
@@ -141,14 +141,14 @@ class _Law:
         return {"force": 0.0, "none": 1.0, "rescale": 2.0 if rate < 0.0 else 1.0}[self.unloading]
 
 
-def impact(contact: Contact) -> tuple[Spun, Spun]:
+def impact(contact: Contact) -> tuple[SpheresAfterImpact, SpheresAfterImpact]:
     """Rebound and its uncertainty, by what two integrations differ, of `FINE`, which is the rebound, and `COARSE`."""
     fine, coarse = rebound(contact), rebound(contact, COARSE)
     off = np.abs(np.subtract(fine, coarse))
-    return fine, Spun(_three(off[0]), _three(off[1]))
+    return fine, SpheresAfterImpact(_three(off[0]), _three(off[1]))
 
 
-def rebound(contact: Contact, tolerance: float = FINE) -> Spun:
+def rebound(contact: Contact, tolerance: float = FINE) -> SpheresAfterImpact:
     """Velocities after an impact, integrated to a relative ``tolerance``.
 
     The law is that of `Contact`: with the overlap delta, the contact radius ``a = sqrt(R delta)`` and the slip u of the surfaces
@@ -171,7 +171,7 @@ def _three(row: FloatArray) -> tuple[float, float, float]:
 
 
 @lru_cache(maxsize=256)
-def _integrated(contact: Contact, tolerance: float) -> Spun:
+def _integrated(contact: Contact, tolerance: float) -> SpheresAfterImpact:
     from scipy.integrate import solve_ivp  # slow to import, and most runs do not need it
 
     law = _Law(contact)
@@ -258,24 +258,24 @@ def _integrated(contact: Contact, tolerance: float) -> Spun:
         if found.t_events is None or len(found.t_events[0]) or not len(found.t_events[1]):
             break
         sliding = not sliding
-    return _spun(contact, law, state[2], state[3], float(state[5]))
+    return _after_impact(contact, law, state[2], state[3], float(state[5]))
 
 
-def _spun(contact: Contact, law: _Law, wn: float, wt: float, impulse: float) -> Spun:
+def _after_impact(contact: Contact, law: _Law, wn: float, wt: float, impulse: float) -> SpheresAfterImpact:
     """Both bodies, by the relative velocity after the impact and the tangential impulse."""
     _, mass = contact.reduced
     along_n, along_t = (wn - 1.0) * law.fast, wt * law.fast - (contact.first[1] - contact.second[1])
     one, two = mass / contact.mass, 0.0 if math.isinf(contact.mass_2) else mass / contact.mass_2
     spin_1 = law.turn_1 * law.fast * impulse / contact.radius
     spin_2 = 0.0 if law.turn_2 == 0.0 else law.turn_2 * law.fast * impulse / contact.radius_2
-    return Spun(
+    return SpheresAfterImpact(
         (contact.first[0] + one * along_n, contact.first[1] + one * along_t, contact.first[2] - spin_1),
         (contact.second[0] - two * along_n, contact.second[1] - two * along_t, contact.second[2] - spin_2),
     )
 
 
 @lru_cache(maxsize=512)
-def stepped(contact: Contact, dt: float, place: float, *, lagged: bool) -> Spun:
+def stepped(contact: Contact, dt: float, place: float, *, lagged: bool) -> SpheresAfterImpact:
     """The same impact by central differences of the step ``dt`` [s], whose touch falls a part ``place`` of a step after a whole one.
 
     Forces are those of whole steps and velocities those of half steps; a step's slip is that of its middle with the contact radius at
@@ -294,7 +294,7 @@ def stepped(contact: Contact, dt: float, place: float, *, lagged: bool) -> Spun:
         overlap, nx, ny = law.frame(p, q)
         if overlap <= 0.0:
             if before > 0.0:
-                return _spun(contact, law, wn, wt, impulse)
+                return _after_impact(contact, law, wn, wt, impulse)
             continue
         rate = wn * nx + wt * ny
         slip = -wn * ny + wt * nx + w

@@ -88,10 +88,10 @@ def _totals(rows: Sequence[Mapping[str, float]]) -> list[PointChart]:
     made = []
     t = tuple(row["t"] for row in rows)
     for title, columns in CURVES.items():
-        told = {column: name for column, name in columns.items() if any(row[column] for row in rows)}
+        reported = {column: name for column, name in columns.items() if any(row[column] for row in rows)}
         dots = [
             Dots(name, _look(name, k), t, tuple(row[column] for row in rows))
-            for k, (column, name) in enumerate(told.items())
+            for k, (column, name) in enumerate(reported.items())
         ]
         if title.startswith("Energy") and dots:
             sums = tuple(sum(row[column] for column in columns) for row in rows)

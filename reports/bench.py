@@ -139,7 +139,7 @@ def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
 
 def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
     dots = _lines(_by_size(rows, family), _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
-    return PointChart(f"{family}: rate over size", f"{_noun(rows)}s", "particle-steps / s", dots) if dots else None
+    return PointChart(f"{family}: rate over size", f"{_size_noun(rows)}s", "particle-steps / s", dots) if dots else None
 
 
 def _threads(rows: Sequence[Row]) -> PointChart | None:
@@ -172,7 +172,7 @@ def _memory(rows: Sequence[Row]) -> PointChart | None:
     )
     if not dots:
         return None
-    noun = _noun(rows)
+    noun = _size_noun(rows)
     return PointChart("settled: memory over size", f"{noun}s", f"bytes / {noun}", dots)
 
 
@@ -187,7 +187,7 @@ def _accuracy_charts(problem: str, rows: Sequence[Row]) -> PointChart:
     return PointChart(title, "time [s]", "error / largest force", dots, decades=True)
 
 
-def _noun(rows: Sequence[Row]) -> str:
+def _size_noun(rows: Sequence[Row]) -> str:
     """What the rows of one suite have many of."""
     return "sphere" if rows[0]["suite"] == "spheres" else "disk"
 

@@ -89,14 +89,14 @@ FEW = 12
 """Below this number of figures the start of the workers costs more than it saves."""
 
 
-def _silent(_stage: str, _done: int, _total: int) -> None:
+def _no_progress(_stage: str, _done: int, _total: int) -> None:
     """No progress is wanted."""
 
 
 def build_report(
     store: Path,
     out: Path,
-    progress: Progress = _silent,
+    progress: Progress = _no_progress,
     findings: Sequence[EvaluatedFinding] = (),
     changes: Comparison | None = None,
 ) -> Path:
@@ -304,8 +304,10 @@ class CaseDrawing:
         where = f" ({heading})" if heading else ""
         total = picture.base + sum((values for *_, values in picture.bands), start=0.0 * picture.base)
         spread = float(total.max() - total.min())
-        told = f"The sum of {', '.join(name for name, *_ in picture.bands)} changes by {spread:.2g} J of {float(total[0]):.3g} J"
-        return svg_image(path, f"{picture.title}{where}: stacked energies. {told}.", f"{picture.title}. {told}.")
+        reported = f"The sum of {', '.join(name for name, *_ in picture.bands)} changes by {spread:.2g} J of {float(total[0]):.3g} J"
+        return svg_image(
+            path, f"{picture.title}{where}: stacked energies. {reported}.", f"{picture.title}. {reported}."
+        )
 
     def _alt(self, picture: Configuration, heading: str) -> str:
         engines = ", ".join(body[0].label for body in picture.bodies)

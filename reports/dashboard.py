@@ -143,7 +143,7 @@ def chart(line: Line, columns: Mapping[int, int], dates: Sequence[str], frame: F
         data = f' tabindex="0" data-points="{escape(_exact(line, spots))}"'
     size = f'viewBox="0 0 {frame.width} {frame.height}"'
     return Markup(
-        f'<svg class="line{"" if frame.labels else " spark"}" {size} role="img" aria-label="{escape(spoken(line))}"{data}>'
+        f'<svg class="line{"" if frame.labels else " spark"}" {size} role="img" aria-label="{escape(text_alternative(line))}"{data}>'
         f"{''.join(parts)}</svg>"
     )
 
@@ -176,7 +176,7 @@ def value(line: Line, point: Point) -> str:
     return f"{amount} = {text.ratio(ratio)} × tolerance, {point.status}"
 
 
-def spoken(line: Line) -> str:
+def text_alternative(line: Line) -> str:
     """What the chart shows, for those who do not see it."""
     first, last = line.points[0], line.points[-1]
     said = f"{line.quantity or 'status'} of {line.case}, {line.engine_name}, over {len(line.points)} runs: "
@@ -416,12 +416,12 @@ class Step:
     def words(self) -> str:
         """The factor and both ends: ``1.02 × (0.53 → 0.54 × tolerance)``."""
         if self.line.kind == "timing":
-            told = f"{text.seconds(self.before)} → {text.seconds(self.after)}"
+            reported = f"{text.seconds(self.before)} → {text.seconds(self.after)}"
         elif self.line.kind == "headline":
-            told = f"{percent(self.before)} → {percent(self.after)}"
+            reported = f"{percent(self.before)} → {percent(self.after)}"
         else:
-            told = f"{text.ratio(self.before)} → {text.ratio(self.after)} × tolerance"
-        return f"{text.factor(self.after / self.before)} × ({told})"
+            reported = f"{text.ratio(self.before)} → {text.ratio(self.after)} × tolerance"
+        return f"{text.factor(self.after / self.before)} × ({reported})"
 
     @property
     def size(self) -> float:

@@ -35,10 +35,10 @@ from ninedisk.reports.panel.headlines import (
     AGREES,
     Rating,
     disagreements,
-    never_asked,
     ratings,
     slower_than_fastest,
     standings,
+    without_headline,
     worst_headline,
 )
 from ninedisk.reports.panel.model import (
@@ -104,9 +104,9 @@ def environment() -> Environment:
         "pair_shade": pair_shade,
         "decade": text.decade,
         "percent": ranking.percent,
-        "some": text.some,
+        "some": text.count_noun,
         "slower_shade": text.slower_shade,
-        "times": text.times,
+        "times": text.factor_text,
         "css": lambda word: re.sub(r"[^a-z-]", "", str(word)),
     }
     env.globals |= {
@@ -202,8 +202,8 @@ def _matrix(panel: Panel, found: dict[tuple[str, str], Square]) -> tuple[list[En
 def verdict_counts(panel: Panel) -> dict[str, int]:
     """How many checks have each status."""
     counts = Counter(str(row["status"]) for row in panel.measurements if row["status"] not in NOT_RUN)
-    told = {word: counts.pop(word, 0) for word in ("pass", "known-difference", "known-gap", "fail")}
-    return told | dict(counts)
+    reported = {word: counts.pop(word, 0) for word in ("pass", "known-difference", "known-gap", "fail")}
+    return reported | dict(counts)
 
 
 def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = ()) -> str:
@@ -307,7 +307,7 @@ def _grouped(causes: list[ranking.Cause]) -> list[CauseGroup]:
 
 def errata_page(env: Environment, panel: Panel) -> str:
     """Claims of the source that are contradicted."""
-    return env.get_template("errata.html").render(root="", errata=errata(panel), measured=measured)
+    return env.get_template("errata.html").render(root="", errata=errata(panel), measured=measured_statement)
 
 
 def statuses_page(env: Environment) -> str:
@@ -354,9 +354,11 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Us
         if cells:
             groups.append((case, cell_groups(cells)))
         for cell in cells:
-            told = [row for row in case.headlines if (row["variant"], row["engine"]) == (cell["variant"], engine.id)]
+            reported = [
+                row for row in case.headlines if (row["variant"], row["engine"]) == (cell["variant"], engine.id)
+            ]
             summary = summarise([cell], rated.get((case.id, cell["variant"]), []))
-            lines.append((case, cell, summary, worst_headline(told)))
+            lines.append((case, cell, summary, worst_headline(reported)))
     lines.sort(key=lambda line: (-as_float(line[3]["rel_error"]) if line[3] else 1.0, _worst_ratio(line[2])))
     ranked = standings(panel, engine.id)
     first = [each for each in ranked if each.rank == 1 and engine.id not in each.case.wrong]
@@ -385,7 +387,7 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Us
         worse=worse_than_promised,
         n_passed=sum(row["status"] == "pass" for row in mine),
         wide=sorted(filter(is_wide, mine), key=lambda row: -row["share"]),
-        asked=never_asked(panel, engine),
+        asked=without_headline(panel, engine),
         uses=USES,
         none_known=math.nan,
     )
@@ -511,14 +513,14 @@ def errata(panel: Panel) -> list[Erratum]:
 
             against = [row["evidence"] for row in rows if row["verdict"] == "contradicted"]
             if against:
-                told: dict[str, list[str]] = {}
+                reported: dict[str, list[str]] = {}
                 for engine, evidence in zip(engines("contradicted"), against, strict=True):
-                    told.setdefault(evidence, []).append(engine)
+                    reported.setdefault(evidence, []).append(engine)
                 confirmed = engines("confirmed")
                 derivation = tuple(str(line) for line in text.decoded(rows[0]["derivation"], list))
                 stated = [] if confirmed else _statements(case)
                 undecided = engines("undecided")
-                found.append(Erratum(rows[0], case, told, confirmed, undecided, not confirmed, derivation, stated))
+                found.append(Erratum(rows[0], case, reported, confirmed, undecided, not confirmed, derivation, stated))
     return sorted(found, key=lambda erratum: not erratum.everywhere)
 
 
@@ -546,7 +548,7 @@ def _statements(case: CaseData) -> list[Statement]:
     ]
 
 
-def measured(statement: Statement) -> str:
+def measured_statement(statement: Statement) -> str:
     """Median of what the engines gave, and its span."""
     low, high = number(statement.lowest), number(statement.highest)
     return low if low == high else f"{number(statement.middle)} ({low} … {high})"

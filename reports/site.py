@@ -22,7 +22,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ninedisk.harness.results.reader import moment, read_about, read_rows, run_facts, run_ids
+from ninedisk.harness.results.reader import read_about, read_rows, run_facts, run_ids, run_time
 from ninedisk.harness.results.schema import (
     EXCUSED,
     HEADLINE_COLUMNS,
@@ -189,7 +189,7 @@ def _place(row: Row) -> Place:
 
 
 def _time(run: RunFacts) -> tuple[Any, str]:
-    return moment(run.started), run.run_id
+    return run_time(run.started), run.run_id
 
 
 def build_site(stores: Sequence[Path], out: Path, progress: Progress) -> Path:
@@ -256,8 +256,8 @@ def _difference(anew: Path, held: Path) -> str:
         if a != b:
             begin = next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
             begin = max(a.rfind(">", 0, begin), a.rfind('"', 0, begin), begin - 60) + 1
-            told = [re.split(r"[<>\"]", part[begin : begin + 80])[0] for part in (a, b)]
-            return f"line {line}: the stores give {told[0]!r}, the site says {told[1]!r}"
+            reported = [re.split(r"[<>\"]", part[begin : begin + 80])[0] for part in (a, b)]
+            return f"line {line}: the stores give {reported[0]!r}, the site says {reported[1]!r}"
     return "line ends differ"
 
 
@@ -465,7 +465,9 @@ def badge_svg(outcomes: Sequence[Outcome], left: int = 0) -> str:
         said.append(f"{failed} fail")
     if left or broken:
         said.append(f"{len(statuses) - broken} of {len(statuses) + left} cells run")
-    said += [text.some(count, status) for status in TABLE if status in BROKEN and (count := statuses.count(status))]
+    said += [
+        text.count_noun(count, status) for status in TABLE if status in BROKEN and (count := statuses.count(status))
+    ]
     if scores := [float(each.score["rel_error"]) for each in outcomes if each.score]:
         said.append(f"median error {text.error(median(scores))}")
     words = ", ".join(said)

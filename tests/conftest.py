@@ -112,21 +112,21 @@ WARM = {"cases", "engines", "kinds", "verification"}
 """Folders whose tests run other programs' engines many times."""
 
 
-class Nurseries(dict[tuple[str, ...], Any]):
+class ForkServers(dict[tuple[str, ...], Any]):
     """Nurseries by their commands and environments, in which pytest has the name of the test."""
 
     def pop(self, key: Any, default: Any = None) -> Any:
         return super().pop(self.shared(key), default)
 
-    def __setitem__(self, key: tuple[str, ...], nursery: Any) -> None:
-        super().__setitem__(self.shared(key), nursery)
+    def __setitem__(self, key: tuple[str, ...], fork_server: Any) -> None:
+        super().__setitem__(self.shared(key), fork_server)
 
     @staticmethod
     def shared(key: tuple[str, ...]) -> tuple[str, ...]:
         return tuple(part for part in key if not part.startswith("PYTEST_CURRENT_TEST="))
 
 
-NURSERIES = Nurseries()
+FORK_SERVERS = ForkServers()
 
 
 @pytest.fixture(autouse=True)
@@ -137,9 +137,9 @@ def engines_start_once(request: pytest.FixtureRequest) -> Iterator[None]:
         return
     from ninedisk.harness.run import isolation
 
-    before, isolation._nurseries = isolation._nurseries, NURSERIES
+    before, isolation._fork_servers = isolation._fork_servers, FORK_SERVERS
     yield
-    isolation._nurseries = before
+    isolation._fork_servers = before
 
 
 @pytest.fixture

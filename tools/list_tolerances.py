@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ninedisk.harness.api.case import Setup
-from ninedisk.harness.api.params import foreign_settings
+from ninedisk.harness.api.params import settings_of_other_engines
 from ninedisk.harness.api.registry import case_table
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.results.reader import read_about, read_rows, run_ids
@@ -51,7 +51,7 @@ def dry_rows() -> Iterable[Row]:
         setup, engine = cell.setup, cell.engine
         if not isinstance(setup, Setup) or isinstance(engine, Exception):
             continue
-        if foreign_settings(cell.case, cell.variant.params, engine.info().contact):
+        if settings_of_other_engines(cell.case, cell.variant.params, engine.info().contact):
             continue
         if support_of(engine, setup.scene, setup.numerics).level == "no":
             continue

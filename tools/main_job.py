@@ -17,7 +17,7 @@ from collections import Counter
 from pathlib import Path
 
 from ninedisk.harness.run.journal import journals
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 FAILURE, INTERRUPTED = 3, 130
 BROKEN = ("error", "timeout")
@@ -25,7 +25,7 @@ BROKEN = ("error", "timeout")
 
 def ninedisk(*arguments: str) -> int:
     """Run the command line of the environment that this script runs in; its exit code."""
-    process = subprocess.Popen([sys.executable, "-m", "ninedisk", *arguments], env=owned())
+    process = subprocess.Popen([sys.executable, "-m", "ninedisk", *arguments], env=guarded_environment())
     try:
         return process.wait()
     except KeyboardInterrupt:  # the command has heard it as well, and ends by itself
@@ -39,7 +39,7 @@ def statuses(rows: Path) -> Counter[str]:
     )
 
 
-def news(store: str) -> str:
+def changed_verdicts(store: str) -> str:
     """What errors and cells did since the run before, in one line; timings are left to ``ninedisk compare``."""
     command = f"ninedisk compare latest~1 latest --store {shlex.quote(store)}"
     with tempfile.TemporaryDirectory() as folder:
@@ -51,8 +51,8 @@ def news(store: str) -> str:
             return f"nothing to compare with: {why[0] if why else 'ninedisk compare failed'}"
         changes = json.loads(found.read_text(encoding="utf-8"))["changes"]
     counts = Counter(each["verdict"] for each in changes if each["kind"] != "timing" and each["verdict"] != "same")
-    told = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common()) or "nothing moved"
-    return f"{told} ({command})"
+    reported = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common()) or "nothing moved"
+    return f"{reported} ({command})"
 
 
 def main() -> int:
@@ -82,10 +82,10 @@ def main() -> int:
     # Code 3 also says that nothing could be stored, or that no cell of an engine could run.
     broken = [f"{counts[status]} {status}" for status in BROKEN if counts[status]]
     found = run == FAILURE and bool(broken) and not options.strict
-    told = ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "none"
-    print(f"\nMeasurements: {told}")
+    reported = ", ".join(f"{count} {status}" for status, count in counts.most_common()) or "none"
+    print(f"\nMeasurements: {reported}")
     if run in (0, 1, 3):
-        print(f"Since the run before: {news(options.store)}")
+        print(f"Since the run before: {changed_verdicts(options.store)}")
     if run == 1:
         print("Some checks fail: the page lists them first.")
     elif run == FAILURE and broken:

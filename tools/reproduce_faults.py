@@ -77,7 +77,7 @@ def spheres_of(**fields: Any) -> Spheres:
     return Spheres(**fields)
 
 
-def attempted(scene: Scene | SphereScene, numerics: Numerics, **options: Any) -> tuple[str, History | None]:
+def run_attempt(scene: Scene | SphereScene, numerics: Numerics, **options: Any) -> tuple[str, History | None]:
     """First line of the error with which a run is refused, and no history; or no text and the history."""
     try:
         return "", simulate(scene, numerics, **options)
@@ -87,10 +87,10 @@ def attempted(scene: Scene | SphereScene, numerics: Numerics, **options: Any) ->
 
 def refused(scene: Scene | SphereScene, numerics: Numerics, **options: Any) -> str:
     """The first line of the error with which a run is refused; empty if it is not."""
-    return attempted(scene, numerics, **options)[0]
+    return run_attempt(scene, numerics, **options)[0]
 
 
-def faulty(source: str, old: str, new: str, folder: str) -> str:
+def is_faulty(source: str, old: str, new: str, folder: str) -> str:
     """Command of an example engine with one planted fault."""
     text = (EXAMPLES / source).read_text(encoding="utf-8")
     assert text.count(old) >= 1, f"{source} has no {old!r}"
@@ -120,7 +120,7 @@ def _slow_bodies() -> Answer:
 
 
 @fault("D2", "a critical step that falls on the way is refused, where going on gains energy")
-def _critical_step_on_the_way() -> Answer:
+def _critical_step_during_run() -> Answer:
     # Disks that fall loosely into a box, where each has more contacts than at the start.
     k = np.arange(60)
     law = ContactLaw(kn=1e5, ks=5e4, mu=0.5, beta=0.1)
@@ -195,7 +195,7 @@ def _scales() -> Answer:
     for scale in (2.0**-100, 2.0**-72, 1.0, 2.0**100):
         disks = disks_of(x=[(0, 0), (7.0 * scale, 0)], v=[(scale, 0), (0, 0)], radius=scale, mass=1.0)
         scene, numerics = Scene(disks=disks, disk_disk=ContactLaw(kn=1e4)), Numerics(dt=1e-2, n_steps=600)
-        message, history = attempted(scene, numerics)
+        message, history = run_attempt(scene, numerics)
         found.append(message if history is None else f"{float(history.v[-1, 1, 0]) / scale:.6f}")
     return len(set(found) - {message for message in found if " " in message}) == 1, ", ".join(found)
 
@@ -209,7 +209,9 @@ def _far_away() -> Answer:
             disks=disks_of(x=[(0, -1e6 + 0.5), (0, -1e6 + 1.5)], radius=0.5, mass=1.0),
             walls=(Wall(name="floor", point=(0, -1e6), normal=(0, 1), law=law),), disk_disk=law, gravity=(0.0, -9.81),
         )  # fmt: skip
-        message, history = attempted(scene, Numerics(dt=1e-6, n_steps=50, sliding=sliding), watch=[(0, 2)], method="cd")
+        message, history = run_attempt(
+            scene, Numerics(dt=1e-6, n_steps=50, sliding=sliding), watch=[(0, 2)], method="cd"
+        )
         force = math.nan if history is None else float(np.abs(history.fn[1:, 0] - 19.62).max())
         right &= bool(message) or force < 0.2
         found.append(message or f"off by at most {force:.3g} N")
@@ -235,7 +237,7 @@ def _heavy_on_light() -> Answer:
         gravity=(0.0, -9.81),
     )
     numerics = Numerics(dt=1e-3, n_steps=3, sliding="coulomb")
-    message, history = attempted(scene, numerics, method="cd")
+    message, history = run_attempt(scene, numerics, method="cd")
     if history is None:
         return False, message
     share = abs(float(history.wall_force[-1, :, 1].sum())) / (9.81 * float(mass.sum()))
@@ -250,7 +252,7 @@ def _own_image() -> Answer:
         disk_disk=ContactLaw(kn=kn),
         cell=Cell(size=(edge, height)),
     )
-    message, history = attempted(scene, Numerics(dt=1e-5, n_steps=2))
+    message, history = run_attempt(scene, Numerics(dt=1e-5, n_steps=2))
     if history is None or (stress := history.stress) is None:
         return False, message or "no stress"
     found, right = float(stress[0, 0, 0, 0]), kn * (2.0 - edge) / height
@@ -262,7 +264,7 @@ def _fast() -> Answer:
     found, right = [], True
     for speed in (1e3, 1e5):
         disks = disks_of(x=[(0, 0), (10.0, 0.0)], v=[(speed, 0), (0, 0)], radius=0.5, mass=1.0)
-        message, history = attempted(Scene(disks=disks, disk_disk=ContactLaw(kn=1e4)), Numerics(dt=1e-3, n_steps=30))
+        message, history = run_attempt(Scene(disks=disks, disk_disk=ContactLaw(kn=1e4)), Numerics(dt=1e-3, n_steps=30))
         gain = 0.0 if history is None else float((history.v[-1] ** 2).sum() / speed**2 - 1.0)
         passed = history is not None and float(history.v[-1, 1, 0]) == 0.0
         right &= not passed and abs(gain) < 1e-3
@@ -287,7 +289,7 @@ def _silent_laws() -> Answer:
     smooth = refused(Scene(disks=disks, disk_disk=ContactLaw(kn=1e4, mu=0.5)), Numerics(dt=1e-3, n_steps=5))
     apart = disks_of(x=[(0, 0), (2.1, 0)], v=[(1, 0), (0, 0)], radius=1.0, mass=1.0)
     scene = Scene(disks=apart, disk_disk=ContactLaw(kn=1e6, restitution=0.8, regularised=True))
-    plastic, history = attempted(scene, Numerics(dt=0.01, n_steps=40), method="cd")
+    plastic, history = run_attempt(scene, Numerics(dt=0.01, n_steps=40), method="cd")
     if history is not None:
         e = float(history.v[-1, 1, 0] - history.v[-1, 0, 0])
         plastic = f"e = {e:.3g}" if abs(e - 0.8) < 0.01 else ""
@@ -308,7 +310,7 @@ def _departure() -> Answer:
 @fault("J1", "a reversed friction torque is not green in the steps of the action")
 def _false_green() -> Answer:
     with tempfile.TemporaryDirectory() as folder:
-        command = faulty("spring_dem.py", "load[body][2] += arm * fs", "load[body][2] -= arm * fs", folder)
+        command = is_faulty("spring_dem.py", "load[body][2] += arm * fs", "load[body][2] -= arm * fs", folder)
         checked = ninedisk("check-engine", "--engine-cmd", command)
         ran = ninedisk(
             "run",
@@ -337,7 +339,7 @@ def _equal_masses() -> Answer:
     found = []
     with tempfile.TemporaryDirectory() as folder:
         for name, ((old, new),) in plants.items():
-            command = faulty("spring_dem.py", old, new, folder)
+            command = is_faulty("spring_dem.py", old, new, folder)
             globs = ("binary-collision", "impact/*", "static/*", "chain/*", "rolling/*", "gas/*")
             ran = ninedisk(
                 "run",
@@ -403,7 +405,7 @@ def _closed_pipe() -> Answer:
 @fault("O1", "run prints value and expected of a check that fails")
 def _value_and_expected() -> Answer:
     with tempfile.TemporaryDirectory() as folder:
-        command = faulty("spring_dem.py", "load[body][2] += arm * fs", "load[body][2] -= arm * fs", folder)
+        command = is_faulty("spring_dem.py", "load[body][2] += arm * fs", "load[body][2] -= arm * fs", folder)
         text = ninedisk(
             "run", "slip-to-roll", "--engine-cmd", command, "--store", folder + "/s", "--allow-unsupported"
         ).stdout

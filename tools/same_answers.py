@@ -68,10 +68,10 @@ def written() -> dict[str, Any]:
     return {"rows": rows, "schemas": {name: json.loads(schema_text(name)) for name in NAMES}}
 
 
-def grew(before: Any, after: Any) -> bool:
+def has_more(before: Any, after: Any) -> bool:
     """Whether a schema only got additions."""
     if isinstance(before, dict) and isinstance(after, dict):
-        return all(key in after and grew(value, after[key]) for key, value in before.items())
+        return all(key in after and has_more(value, after[key]) for key, value in before.items())
     if isinstance(before, list) and isinstance(after, list):
         return all(value in after for value in before)
     return bool(before == after)
@@ -99,7 +99,7 @@ def differences(before: dict[str, Any], after: dict[str, Any]) -> tuple[list[str
     for name in sorted({*before["schemas"], *after["schemas"]}):
         old, new = before["schemas"].get(name), after["schemas"].get(name)
         if old != new:
-            (more if old is None or grew(old, new) else wrong).append(f"schema {name} differs")
+            (more if old is None or has_more(old, new) else wrong).append(f"schema {name} differs")
     return wrong, more
 
 

@@ -121,7 +121,7 @@ class StepBatches:
         start = Start(force, kept, prescribed)
         self._scratch = Scratch(np.empty((m, 11)), start, v, dx, np.empty(SUMS), np.empty(6))
         self._counts, self._totals = np.zeros(6, dtype=np.int64), np.zeros(5)
-        self._make_room(0)
+        self._extend_lists(0)
         self._take_list(np.empty((0, 2), dtype=np.int64), np.zeros((n, 3)), np.zeros((m, 11)), np.full(2, -np.inf))
         self._rest, self._resting = 1, 0
         self.iterations, self.worst = 0, (0.0, 0.0)
@@ -163,7 +163,7 @@ class StepBatches:
         listed_at = -1
         while True:
             target = min(last, done + max(1, PAIR_STEPS // (len(self._near.frames.pairs) + 1)))
-            state = State(x, v, wall, *self._kept(), counts, totals, self._gains, self._losses)
+            state = State(x, v, wall, *self._pair_memory(), counts, totals, self._gains, self._losses)
             laws, motion = self._laws.arrays, self._motion
             why = take_steps(target, scheme, laws, motion, state, self._near, self._chosen, self._scratch)
             if why == MORE:
@@ -194,7 +194,7 @@ class StepBatches:
         """Take over the forces of a step that was taken singly."""
         held = len(memory.pairs)
         if held > len(self._pairs):
-            self._make_room(held)
+            self._extend_lists(held)
         self._pairs[:held], self._forces[:held] = memory.pairs, memory.forces
         self._spring[:held], self._shear[:held] = memory.spring, memory.shear
         self._counts[HELD] = held
@@ -229,15 +229,15 @@ class StepBatches:
             r=np.empty((c, 2)),
         )
         if c > len(self._pairs):
-            held, kept = len(self._pairs), self._kept()
-            self._make_room(c)
-            for mine, other in zip(self._kept(), kept, strict=True):
+            held, kept = len(self._pairs), self._pair_memory()
+            self._extend_lists(c)
+            for mine, other in zip(self._pair_memory(), kept, strict=True):
                 mine[:held] = other
 
-    def _make_room(self, c: int) -> None:
+    def _extend_lists(self, c: int) -> None:
         self._pairs, self._forces = np.empty((c, 2), dtype=np.int64), np.empty((c, 2))
         self._spring, self._shear = np.empty(c), np.empty(c)
 
-    def _kept(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
+    def _pair_memory(self) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
         """What the next step needs of the last one, by pair."""
         return self._pairs, self._forces, self._spring, self._shear

@@ -201,7 +201,7 @@ def _step(scheme: Scheme, laws: Laws, state: State, near: Near, chosen: Chosen, 
     round_off = gap_round_off(x, scheme.radius, after)
     tolerance = MISSED * round_off
     start_step(scheme.bodies, state.v, scheme.dt, scheme.theta, scratch.start)
-    _fly(scheme, scratch)
+    _free_velocities(scheme, scratch)
     step_displacements(scheme.bodies, scratch.start, scratch.v, scheme.dt, scheme.theta, dx)
     walls, moved, turned = (
         wall_displacement(x, state.wall, after),
@@ -253,7 +253,7 @@ def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, 
         if not blocks[k, 0] > 0.0:
             return False
     contact_scales(blocks, mu, chosen.rho)
-    _fly(scheme, scratch)
+    _free_velocities(scheme, scratch)
     contact_velocities(bodies, normal, arms, scratch.v, b)
     for k in range(c):
         b[k, 0] += offset[k, 0]
@@ -262,7 +262,7 @@ def _pose(c: int, round_off: float, scheme: Scheme, laws: Laws, chosen: Chosen, 
 
 
 @inline_kernel
-def _fly(scheme: Scheme, scratch: Scratch) -> None:
+def _free_velocities(scheme: Scheme, scratch: Scratch) -> None:
     """Velocities at the end of the step without contact forces."""
     for i in range(scratch.v.shape[0]):
         for d in range(3):
@@ -470,7 +470,7 @@ def begin_set(
             p, q = state.forces[at, 0], state.forces[at, 1]
             near.shear[k] = state.shear[at]
         near.force[k, 0], near.force[k, 1] = project_on_cone(p, q, laws.mu[row[k]])
-        near.inside[k] = _harmless(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
+        near.inside[k] = _needs_no_force(k, laws, near) and (p > 0.0 or near.closing[k] < tolerance)
     find_closing(scheme, near, flight)
     for k in range(near.inside.shape[0]):
         near.inside[k] |= near.closing[k] < tolerance
@@ -485,7 +485,7 @@ def grow_set(tolerance: float, finished: bool, scheme: Scheme, laws: Laws, near:
     find_closing(scheme, near, dx)
     missed = 0
     for k in range(near.inside.shape[0]):
-        if not near.inside[k] and near.closing[k] < -tolerance and (finished or _harmless(k, laws, near)):
+        if not near.inside[k] and near.closing[k] < -tolerance and (finished or _needs_no_force(k, laws, near)):
             near.inside[k] = True
             near.force[k, 0] = near.force[k, 1] = 0.0
             missed += 1
@@ -521,7 +521,7 @@ def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
 
 
 @inline_kernel
-def _harmless(k: int, laws: Laws, near: Near) -> bool:
+def _needs_no_force(k: int, laws: Laws, near: Near) -> bool:
     """Whether the pair leaves the solution as it is if it is in the set and need not be.
 
     Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one

@@ -16,7 +16,7 @@ from ninedisk.core.archive import read_arrays, whole_file
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd import problem_kernels as kernels
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, shown
+from ninedisk.core.validate import LARGEST, at_least, kind_of, numbers, real, short_repr
 
 Sliding = Literal["associated", "coulomb"]
 TINY = float(np.finfo(np.float64).tiny)
@@ -110,7 +110,7 @@ class ContactProblem:
         for key, text in self.notes.items():
             if not (isinstance(key, str) and isinstance(text, str)):
                 raise InvalidSceneError(
-                    f"notes[{shown(key)}] = {shown(text)} is not allowed: notes are strings by names"
+                    f"notes[{short_repr(key)}] = {short_repr(text)} is not allowed: notes are strings by names"
                 )
         self._check()
 

@@ -25,7 +25,7 @@ from ninedisk.core.cd.delassus import DelassusProblem, bodies_of, friction, spar
 from ninedisk.core.cd.problem import TINY, ContactProblem
 from ninedisk.core.cd.problem_text import TextProblem, parse, reduced_text, text_of
 from ninedisk.core.errors import CoreError, InvalidSceneError
-from ninedisk.core.validate import finite, shown
+from ninedisk.core.validate import finite, short_repr
 
 Form = Literal["npz", "fc2d", "fclib"]
 Problem = ContactProblem | DelassusProblem
@@ -151,7 +151,9 @@ def read_problem(path: str | os.PathLike[str]) -> ProblemFile:
             content = b"" if head.startswith(b"PK") else head + stream.read()
     except (OSError, TypeError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
-        raise InvalidSceneError(f"{shown(path)} cannot be read ({why}): give a file with a contact problem") from error
+        raise InvalidSceneError(
+            f"{short_repr(path)} cannot be read ({why}): give a file with a contact problem"
+        ) from error
     try:
         if head.startswith(b"PK"):
             return _read_npz(path)
@@ -307,7 +309,7 @@ def _read_fclib(content: bytes) -> ProblemFile:
     with _named_faults("the HDF5 file"), h5py.File(io.BytesIO(content), "r") as file:
         kind = next((each for each in ("fclib_global", "fclib_local") if each in file), None)
         if kind is None:
-            held = ", ".join(shown(str(each)) for each in list(file)[:10]) or "nothing"
+            held = ", ".join(short_repr(str(each)) for each in list(file)[:10]) or "nothing"
             raise InvalidSceneError(f"neither fclib_global nor fclib_local is in it, but {held}")
         group = file[kind]
         dimension = int(_array(group, "spacedim", "iu")[0])

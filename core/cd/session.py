@@ -70,7 +70,7 @@ from ninedisk.core.errors import (
 )
 from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.numerics import Numerics, check_progress, check_room, check_run, chosen_particles, watched_pairs
+from ninedisk.core.numerics import Numerics, check_memory, check_progress, check_run, chosen_particles, watched_pairs
 from ninedisk.core.scene import Disks, Scene, Wall
 from ninedisk.core.scene.motion import compile_motion, wall_poses
 
@@ -155,7 +155,7 @@ class CdSession:
     ) -> None:
         check_run(scene, numerics, "contact dynamics", LACKS)
         pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)
-        check_room(numerics, len(chosen), len(scene.walls), len(pairs))
+        check_memory(numerics, len(chosen), len(scene.walls), len(pairs))
         if numerics.energy_budget and numerics.regime == "quasi-static":
             raise InvalidNumericsError(
                 "energy_budget = True is not allowed with regime = 'quasi-static': a series of equilibria has no balance of energy; "

@@ -356,7 +356,7 @@ def solve_with_contacts(
         if needed > reach:
             reach = 1.5 * needed
             frames = near(reach)
-            inside = memory.same(frames.pairs, chosen.pairs) if grains is None else _among(frames, chosen)
+            inside = memory.same(frames.pairs, chosen.pairs) if grains is None else _is_among(frames, chosen)
         gaps = closing(frames, solved.dx)
         missed = ~inside & (gaps < -tolerance)
         if not missed.any():
@@ -380,7 +380,7 @@ def _forces(memory: ContactMemory, frames: Frames, grains: GrainFrames | None) -
     return memory.of(frames.pairs) if grains is None else grains.inherited(memory, frames)
 
 
-def _among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
+def _is_among(frames: Frames, others: Frames) -> NDArray[np.bool_]:
     """Which contacts of a step are among others of the same step: outlines can meet in several places."""
 
     def names(some: Frames) -> list[tuple[float, ...]]:
@@ -563,9 +563,9 @@ class StaticStep:
             if float(np.abs(unbalanced).max()) <= BALANCE * largest:
                 total = dx + self._prescribed
                 return Solved(total, np.zeros_like(total), result.r, result)
-            way = np.hypot(dx[:, 0], dx[:, 1]) + np.abs(dx[:, 2]) * self._radius
-            if (way > self._radius).any():
-                raise NoEquilibriumError(_runaway(way, unbalanced, largest))
+            displacement = np.hypot(dx[:, 0], dx[:, 1]) + np.abs(dx[:, 2]) * self._radius
+            if (displacement > self._radius).any():
+                raise NoEquilibriumError(_unbounded_motion(displacement, unbalanced, largest))
             if not elastic:
                 mass = 0.5 * mass
         raise SolverNotConvergedError(
@@ -584,9 +584,9 @@ class StaticStep:
         return mass * (force / self._length / float(mass[:, 0].max())), False
 
 
-def _runaway(way: FloatArray, unbalanced: FloatArray, largest: float) -> str:
-    order = np.argsort(-way)
-    moving = [int(i) for i in order if way[i] > 0.5 * way[order[0]]]
+def _unbounded_motion(displacement: FloatArray, unbalanced: FloatArray, largest: float) -> str:
+    order = np.argsort(-displacement)
+    moving = [int(i) for i in order if displacement[i] > 0.5 * displacement[order[0]]]
     names = ", ".join(str(i) for i in moving[:8]) + (f" and {len(moving) - 8} more" if len(moving) > 8 else "")
     force = float(np.abs(unbalanced).max())
     return (

@@ -83,9 +83,9 @@ MODELS: dict[RollingModel, int] = {"constant": CONSTANT, "viscous": VISCOUS, "el
 
 def aligned(values: NDArray[Any]) -> NDArray[Any]:
     """Copy that begins with a line of the caches, so that no vector of numbers lies across two of them."""
-    room = np.zeros(values.nbytes + LINE, dtype=np.uint8)
-    first = -room.ctypes.data % LINE
-    found = room[first : first + values.nbytes].view(values.dtype).reshape(values.shape)
+    capacity = np.zeros(values.nbytes + LINE, dtype=np.uint8)
+    first = -capacity.ctypes.data % LINE
+    found = capacity[first : first + values.nbytes].view(values.dtype).reshape(values.shape)
     found[...] = values
     return found
 
@@ -160,12 +160,14 @@ def law_arrays(scene: Scene) -> Laws | None:
     )
 
 
-def with_room(laws: Laws | None, lists: Lists) -> Laws | None:
+def with_law_capacity(laws: Laws | None, lists: Lists) -> Laws | None:
     """The same with room to note the law of every listed pair."""
     if laws is None:
         return None
-    room = len(lists.pairs.other)
-    return laws._replace(noted=np.zeros((len(laws.varying), room)), reach=np.zeros(room), drag=np.zeros(room))
+    capacity = len(lists.pairs.other)
+    return laws._replace(
+        noted=np.zeros((len(laws.varying), capacity)), reach=np.zeros(capacity), drag=np.zeros(capacity)
+    )
 
 
 def load_arrays(scene: Scene) -> Loads:
@@ -219,12 +221,12 @@ def wall_arrays(scene: Scene, motion: WallMotion, stripes: int) -> WallArrays:
     )
 
 
-def team_arrays(stripes: int, threads: int, laws: Laws | None = None, room: int = SCRATCH) -> Team:
+def team_arrays(stripes: int, threads: int, laws: Laws | None = None, capacity: int = SCRATCH) -> Team:
     """Shared arrays of the threads; the stripes are set by the first rebuild.
 
     Columns that all ``laws`` between disks share are written to the scratch here, where they stay.
     """
-    scratch = np.zeros((threads, room + 2 * PAD))
+    scratch = np.zeros((threads, capacity + 2 * PAD))
     if laws is not None:
         shared = laws.columns[:, laws.of_pair[0, 0]]
         scratch[:, int(PAIR_KN) : int(PAIR_KN) + len(shared) * CHUNK] = np.repeat(shared, CHUNK)
@@ -240,8 +242,8 @@ def team_arrays(stripes: int, threads: int, laws: Laws | None = None, room: int 
 
 def first_lists(n: int, m: int, bends: bool = False) -> Lists:
     """Empty lists for n disks and m walls, and what their rebuild works with; ``bends``: with torques of rolling resistance."""
-    room, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
-    pairs, spare = (empty_list(n, room, bends) for _ in range(2))
+    capacity, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
+    pairs, spare = (empty_list(n, capacity, bends) for _ in range(2))
     wall_pairs, wall_spare = (empty_list(m, wall_room, bends) for _ in range(2))
     return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n))
 

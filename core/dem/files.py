@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ninedisk.core.archive import made_folder, read_arrays, whole_file
+from ninedisk.core.archive import make_folder, read_arrays, whole_file
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.state import NeighbourList
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
@@ -149,7 +149,7 @@ class FrameWriter:
 
     def __init__(self, folder: str | os.PathLike[str], form: Format = "npz") -> None:
         one_of("form", form, ("npz", "vtk"), error=InvalidNumericsError)
-        self.folder, self.form = made_folder(folder), form
+        self.folder, self.form = make_folder(folder), form
         self._times: list[float] = []
 
     def write(self, t: float, state: Mapping[str, FloatArray]) -> Path:

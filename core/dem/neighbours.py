@@ -63,11 +63,11 @@ class PairFinder:
             raise NonFiniteStateError("the position of a disk is no finite number: reduce dt")
         while build_pairs(x, self._radius, reach, self._cells, False, self._listed, self._none, self._disks) != OK:
             check_crowd(self._disks)
-            self._disks = grown(empty_list(len(x), self._disks.other.shape[0]))
+            self._disks = enlarged_list(empty_list(len(x), self._disks.other.shape[0]))
         while (
             build_wall_pairs(x, self._radius, far, wall, self._listed, self._scratch, self._no_walls, self._walls) != OK
         ):
-            self._walls = grown(empty_list(wall.shape[0], self._walls.other.shape[0]))
+            self._walls = enlarged_list(empty_list(wall.shape[0], self._walls.other.shape[0]))
         start, other = self._disks.start, self._disks.other
         first = np.repeat(np.arange(len(x), dtype=np.int64), np.diff(start))
         second = other[: start[-1]].astype(np.int64)
@@ -106,7 +106,7 @@ def empty_list(rows: int, capacity: int, bends: bool = False) -> NeighbourList:
     )
 
 
-def grown(pairs: NeighbourList) -> NeighbourList:
+def enlarged_list(pairs: NeighbourList) -> NeighbourList:
     """Copy of a list with 1.2 times its room."""
     room = pairs.other.shape[0] + pairs.other.shape[0] // 5 + 16
     larger = empty_list(pairs.start.shape[0] - 1, room, len(pairs.bending) > 0)

@@ -33,14 +33,20 @@ from ninedisk.core.dem.arrays import (
     team_arrays,
     wall_arrays,
     watch_arrays,
-    with_room,
+    with_law_capacity,
 )
 from ninedisk.core.dem.critical import Place, present_time_step
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
-from ninedisk.core.dem.neighbours import check_crowd, grown
+from ninedisk.core.dem.neighbours import check_crowd, enlarged_list
 from ninedisk.core.dem.plane.force_kernels import SCRATCH
-from ninedisk.core.dem.plane.grains import first_outlines, needs_outlines, restored, shear_of_grains, with_more_room
+from ninedisk.core.dem.plane.grains import (
+    first_outlines,
+    needs_outlines,
+    restored_outlines,
+    shear_of_grains,
+    with_more_capacity,
+)
 from ninedisk.core.dem.plane.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
 from ninedisk.core.dem.plane.images import check_cell, enter_image_preload, first_images, with_more_pairs
 from ninedisk.core.dem.plane.neighbour_kernels import rebuild
@@ -69,8 +75,8 @@ from ninedisk.core.law import check_shear_springs
 from ninedisk.core.numerics import (
     MOST_STEPS,
     Numerics,
+    check_memory,
     check_progress,
-    check_room,
     check_run,
     chosen_particles,
     watched_pairs,
@@ -79,7 +85,7 @@ from ninedisk.core.options import read_options
 from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.motion import compile_motion
-from ninedisk.core.threads import check_threads, together
+from ninedisk.core.threads import check_threads, run_in_threads
 from ninedisk.core.validate import whole
 
 STEPS_TIMES_DISKS = 16_000_000
@@ -139,7 +145,7 @@ class DemSession:
         self.scene, self.numerics = scene, numerics
         self.pairs = watched_pairs(scene, watch)
         self.chosen = chosen_particles(scene, particles)
-        check_room(numerics, len(self.chosen), m, len(self.pairs))
+        check_memory(numerics, len(self.chosen), m, len(self.pairs))
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         in_order = n >= SORT_FROM
@@ -303,7 +309,7 @@ class DemSession:
         # A spare list need not hold anything, but room for as many pairs.
         pairs, wall_pairs = ([saved_list(arrays, name) for _ in range(2)] for name in ("pairs", "wall_pairs"))
         session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], session._lists.cells)
-        session._outlines = restored(session._outlines, arrays)
+        session._outlines = restored_outlines(session._outlines, arrays)
         if session._images is not None:
             shift = np.array(arrays["pairs.shift"])
             session._images = session._images._replace(shift=shift, spare=np.zeros(len(shift)))
@@ -331,7 +337,7 @@ class DemSession:
 
     def _advance(self, target: int) -> None:
         if self._walls.passed[0]:
-            self._make_good(state.BEHIND_WALL)
+            self._fulfil(state.BEHIND_WALL)
         while True:
             arrays = (self._disks, self._views, self._walls, self._lists, self._law, self._step, self._team)
             system = System(*arrays, self._laws, self._losses)
@@ -347,46 +353,48 @@ class DemSession:
                 self._least,
                 target,
             )
-            code = together(advance, self._threads, shared)
+            code = run_in_threads(advance, self._threads, shared)
             if code == OK and not (np.isfinite(self._disks.x).all() and np.isfinite(self._disks.v).all()):
                 code = NOT_FINITE
             if code == OK:
                 return
-            self._make_good(code)
+            self._fulfil(code)
 
-    def _make_good(self, code: int) -> None:
+    def _fulfil(self, code: int) -> None:
         """Grow what was too small for the step to go on, or raise what has stopped it for good."""
         lists, step = self._lists, int(self._progress.clock[state.STEP])
         if code == PAIRS_FULL:
             check_crowd(lists.pairs)
-            self._lists = lists._replace(pairs=grown(lists.pairs), spare=grown(lists.spare))
+            self._lists = lists._replace(pairs=enlarged_list(lists.pairs), spare=enlarged_list(lists.spare))
             if self._images is not None:
                 room, used = self._lists.pairs.other.shape[0], int(self._lists.pairs.start[-1])
                 self._images = with_more_pairs(self._images, room, used)
             self._note_lists()
         elif code == WALL_PAIRS_FULL:
-            self._lists = lists._replace(wall_pairs=grown(lists.wall_pairs), wall_spare=grown(lists.wall_spare))
+            self._lists = lists._replace(
+                wall_pairs=enlarged_list(lists.wall_pairs), wall_spare=enlarged_list(lists.wall_spare)
+            )
         elif code == state.GRAINS_STOPPED and self._outlines is not None:
-            self._outlines = with_more_room(self._outlines, self.scene, step, self.contact_dt)
+            self._outlines = with_more_capacity(self._outlines, self.scene, step, self.contact_dt)
         elif code == state.LOOK:
-            self._look()
+            self._check_critical_step()
         elif code == state.BEHIND_WALL:
             raise behind_wall(self.scene, self._walls, step, self.contact_dt, self.critical_dt)
         else:
             raise not_finite(self._disks, step, self.contact_dt, self.critical_dt)
 
-    def _look(self) -> None:
+    def _check_critical_step(self) -> None:
         """Raise if the contact step is too long for the present state."""
         disks, place, scene, dt = self._disks, self._disks.place, self.scene, self.contact_dt
         x, v, t = disks.x[place], disks.v[place], int(self._progress.clock[state.STEP]) * dt
         if scene.cell is not None:
-            self._look_beside_flow(x, v, t)
+            self._check_relative_speed(x, v, t)
         elif pair := leaping_pair(
             x, dt * v, self._watch.size, scene.disks.radius, scene.disks.fixed, float(self._progress.skin[0])
         ):
             i, j = pair
-            way, limit = dt * float(np.hypot(*(v[i] - v[j]))), float(self._watch.size[[i, j]].min())
-            raise scene.too_fast(i, scene.body_name(j), way, limit, t, dt)
+            travel, limit = dt * float(np.hypot(*(v[i] - v[j]))), float(self._watch.size[[i, j]].min())
+            raise scene.too_fast(i, scene.body_name(j), travel, limit, t, dt)
         if not self._step.watched:
             return
         angle = scene.disks.angle + disks.angle[place]
@@ -397,22 +405,22 @@ class DemSession:
         if dt > critical * (1.0 + 1e-9):  # the round-off of two ways to the same number
             raise scene.unstable(body, dt, critical, t, SAFETY)
 
-    def _look_beside_flow(self, x: NDArray[np.float64], v: NDArray[np.float64], t: float) -> None:
+    def _check_relative_speed(self, x: NDArray[np.float64], v: NDArray[np.float64], t: float) -> None:
         """Raise if two disks of a cell move farther relative to each other in a step than they may, the cell's flow apart."""
         cell, dt = self.scene.cell, self.contact_dt
         if cell is None:
             return
         flow = np.array(cell.rate) @ np.diag(cell.size) @ np.linalg.inv(cell.edges(t))
         step = dt * (v - x @ flow.T)
-        way = np.hypot(*(step - 0.5 * (step.min(axis=0) + step.max(axis=0))).T)
-        if 2.0 * way.max() > self._least:
+        travel = np.hypot(*(step - 0.5 * (step.min(axis=0) + step.max(axis=0))).T)
+        if 2.0 * travel.max() > self._least:
             raise self.scene.too_fast(
-                int(np.argmax(way)), "the cell's flow", float(way.max()), 0.5 * self._least, t, dt
+                int(np.argmax(travel)), "the cell's flow", float(travel.max()), 0.5 * self._least, t, dt
             )
 
     def _note_lists(self) -> None:
         """Views of the present arrays, and what the kernels note of each listed pair."""
-        self._laws = with_room(self._laws, self._lists)
+        self._laws = with_law_capacity(self._laws, self._lists)
         self._views = disk_views(self._disks, self._lists, self._law, self._laws)
 
     def _first_lists(self) -> None:
@@ -425,7 +433,7 @@ class DemSession:
                 code = rebuild_images(self._disks, self._walls, lists, self._images, team, step, skin)
             if code == OK:
                 return
-            self._make_good(code)
+            self._fulfil(code)
 
     def history(self) -> History:
         """What has been sampled so far."""
@@ -565,11 +573,11 @@ def count(
     elif outlines is None:
         contacts, wall_contacts = int(touching(disks, pairs)), int(touching_walls(disks, walls, wall_pairs))
     else:
-        contacts, wall_contacts = _of_outlines(outlines, len(disks.x))
+        contacts, wall_contacts = _outline_counts(outlines, len(disks.x))
     return Counts(rebuilds, int(pairs.start[-1]), int(wall_pairs.start[-1]), contacts, wall_contacts)
 
 
-def _of_outlines(outlines: Outlines, n: int) -> tuple[int, int]:
+def _outline_counts(outlines: Outlines, n: int) -> tuple[int, int]:
     """Contacts in the memory of the last finished step, between bodies and with walls, which are bodies ``n`` and beyond."""
     memory = outlines.memory
     side = int(memory.mark[SIDE])

@@ -13,7 +13,7 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve_kernels import ShapeTable, sample
 from ninedisk.core.nurbs.table import outline_points, outline_table
-from ninedisk.core.validate import LARGEST, SMALLEST, finite, numbers, real, shown
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, numbers, real, short_repr
 
 MOST_DEGREE, MOST_POINTS = 12, 1_000
 """Of an outline. Bernstein coefficients of higher degrees lose digits; crossings are sought among all pairs of an outline's segments."""
@@ -63,7 +63,7 @@ class NurbsCurve:
         degree = self.degree
         if isinstance(degree, bool) or not isinstance(degree, int | np.integer) or not 1 <= degree < n:
             raise InvalidSceneError(
-                f"degree = {shown(degree)} is not allowed: it must be an integer in 1 .. {n - 1}, for {n} points"
+                f"degree = {short_repr(degree)} is not allowed: it must be an integer in 1 .. {n - 1}, for {n} points"
             )
         if degree > MOST_DEGREE or n > MOST_POINTS:
             raise InvalidSceneError(
@@ -150,7 +150,7 @@ class NurbsCurve:
         if not np.all((at >= low) & (at <= high)):
             raise InvalidSceneError(f"parameter is out of range: the curve is defined on {low:g} .. {high:g}")
         if real(order) not in (0.0, 1.0, 2.0):
-            raise InvalidSceneError(f"order = {shown(order)} is not allowed: it must be 0, 1 or 2")
+            raise InvalidSceneError(f"order = {short_repr(order)} is not allowed: it must be 0, 1 or 2")
         order = int(order)
         span = np.clip(np.searchsorted(self.breaks, at, side="right") - 1, 0, len(self.breaks) - 2).astype(np.int64)
         width = self.breaks[span + 1] - self.breaks[span]

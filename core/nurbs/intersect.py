@@ -13,9 +13,9 @@ from ninedisk.core.nurbs.curve import NurbsCurve
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
 from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.state import CROSSED, ENCLOSED, FULL, UNDECIDED, ContactRows, contact_rows, workspace
-from ninedisk.core.nurbs.table import tables_together
+from ninedisk.core.nurbs.table import joined_tables
 from ninedisk.core.nurbs.wall_kernels import contacts_with_wall
-from ninedisk.core.validate import all_of_kind, finite, numbers, shown
+from ninedisk.core.validate import all_of_kind, finite, numbers, short_repr
 
 REASONS = {
     ENCLOSED: "lies wholly inside the other body: there is no chord; the overlap is far beyond a contact's",
@@ -47,10 +47,10 @@ class NurbsGrains:
         given = numbers("shape", shape)
         if given.ndim != 1 or not np.all((given >= 0) & (given < len(curves)) & (given == np.floor(given))):
             raise InvalidSceneError(
-                f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {shown(shape)}"
+                f"shape must be one number in 0 .. {len(curves) - 1} for each grain, not {short_repr(shape)}"
             )
         self.shape = given.astype(np.int64)
-        self.table = tables_together([curve.table for curve in curves])
+        self.table = joined_tables([curve.table for curve in curves])
         self._work = workspace(self.table)
 
     @classmethod
@@ -94,7 +94,7 @@ class NurbsGrains:
         given = given.reshape(-1, 2) if given.size == 0 else given
         if given.ndim != 2 or given.shape[1] != 2 or not np.isin(given, np.arange(len(self.shape))).all():
             raise InvalidSceneError(
-                f"pairs must be two numbers 0..{len(self.shape) - 1} of grains in each row, not {shown(pairs)}"
+                f"pairs must be two numbers 0..{len(self.shape) - 1} of grains in each row, not {short_repr(pairs)}"
             )
         chosen = given.astype(np.int64)
         count = np.zeros(len(chosen), dtype=np.int64)

@@ -19,7 +19,7 @@ from ninedisk.core.nurbs.lens_kernels import (
     corners_from,
     extent_along,
     extreme_near,
-    measured_together,
+    measured_lens,
     normal_of,
     note_places,
 )
@@ -32,7 +32,7 @@ POINT = 8.0
 
 
 @inline_kernel
-def holds(table: ShapeTable, shape: int, x: float, y: float, work: Workspace) -> bool:
+def contains_point(table: ShapeTable, shape: int, x: float, y: float, work: Workspace) -> bool:
     """Whether a point, in the shape's frame and not on its outline, lies inside: crossings of the ray along +x are odd."""
     n = line_crossings(table, shape, 0.0, 1.0, y, work)
     still = Pose(1.0, 0.0, 0.0, 0.0)
@@ -45,12 +45,14 @@ def holds(table: ShapeTable, shape: int, x: float, y: float, work: Workspace) ->
 
 
 @inline_kernel
-def one_holds_other(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) -> bool:
+def one_contains_other(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) -> bool:
     """Whether one of two outlines that do not intersect lies inside the other."""
     inner, outer, c, s, x, y = b, a, pose.c, pose.s, pose.x, pose.y
     for _ in range(2):
         px, py = point_at(table, inner, 0, 0.0, Pose(c, s, x, y))
-        if px * px + py * py <= table.radius[outer] * table.radius[outer] and holds(table, outer, px, py, work):
+        if px * px + py * py <= table.radius[outer] * table.radius[outer] and contains_point(
+            table, outer, px, py, work
+        ):
             return True
         inner, outer, s = a, b, -s
         x, y = -(c * pose.x - s * pose.y), -(s * pose.x + c * pose.y)
@@ -130,7 +132,7 @@ def contacts_at(
         if n < 0:
             return n
         if n == 0:
-            return ENCLOSED if one_holds_other(table, a, b, pose, work) else 0
+            return ENCLOSED if one_contains_other(table, a, b, pose, work) else 0
     if row + n // 2 > out.overlap.shape[0]:
         return FULL
     ring = float(table.first_span[b + 1] - table.first_span[b])
@@ -146,7 +148,7 @@ def contacts_at(
             continue
         m = k + 1 if k + 1 < n else 0
         if corners > 2:
-            if not measured_together(table, a, at, b, pose, work.root, n, k, out, row + done):
+            if not measured_lens(table, a, at, b, pose, work.root, n, k, out, row + done):
                 return CROSSED
         else:
             nx, ny, level = measured(table, a, at, b, pose, work.root, k, m, out, row + done)

@@ -184,7 +184,7 @@ def note_places(out: ContactRows, row: int, root: FloatArray, k: int, m: int) ->
 
 
 @inline_kernel
-def measured_together(
+def measured_lens(
     table: ShapeTable,
     a: int,
     at: Pose,

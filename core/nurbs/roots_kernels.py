@@ -109,11 +109,11 @@ def solve_box(
 
 
 @inline_kernel
-def known(root: FloatArray, first: int, n: int, u: float, crossing: float, room: float) -> bool:
+def is_known(root: FloatArray, first: int, n: int, u: float, crossing: float, margin: float) -> bool:
     """Whether an intersection is among ``first .. n-1`` of the same two pieces: where boxes are smaller than rounding makes the
     place, many find the same one."""
     for k in range(first, n):  # noqa: SIM110 - a generator expression would need memory
-        if root[k, 4] == crossing and abs(root[k, 1] - u) <= room:
+        if root[k, 4] == crossing and abs(root[k, 1] - u) <= margin:
             return True
     return False
 
@@ -146,14 +146,14 @@ def piece_crossings(
         px, py, ex, ey = tangent_at(table, b, j, v, pose)
         x, y = x - px, y - py
         rest = 0.5 * (bend_a * half_u * half_u + bend_b * half_v * half_v)
-        room = rest + noise
+        margin = rest + noise
         det = dx * ey - dy * ex
         speed_a, speed_b = sqrt(dx * dx + dy * dy), sqrt(ex * ex + ey * ey)
-        if abs(dx * y - dy * x) > abs(det) * half_v + speed_a * room:
+        if abs(dx * y - dy * x) > abs(det) * half_v + speed_a * margin:
             continue
-        if abs(ex * y - ey * x) > abs(det) * half_u + speed_b * room:
+        if abs(ex * y - ey * x) > abs(det) * half_u + speed_b * margin:
             continue
-        if abs(dx * x + dy * y) > speed_a * (speed_a * half_u + room) + abs(dx * ex + dy * ey) * half_v:
+        if abs(dx * x + dy * y) > speed_a * (speed_a * half_u + margin) + abs(dx * ex + dy * ey) * half_v:
             continue
         long_a, long_b = 2.0 * speed_a * half_u, 2.0 * speed_b * half_v
         if rest == 0.0 and abs(det) * min(speed_a * half_u, speed_b * half_v) <= COINCIDE * noise * speed_a * speed_b:
@@ -163,7 +163,7 @@ def piece_crossings(
             slack_u = 1e-6 * half_u + 100.0 * noise * speed_b / abs(det)
             slack_v = 1e-6 * half_v + 100.0 * noise * speed_a / abs(det)
             found, u, v, crossing = solve_box(table, a, i, u, b, j, v, pose, half_u, half_v, slack_u, slack_v)
-            if found and not known(work.root, before, n, u, crossing, 3.0 * slack_u):
+            if found and not is_known(work.root, before, n, u, crossing, 3.0 * slack_u):
                 if n >= MOST_ROOTS:
                     return UNDECIDED, boxes
                 root = work.root
@@ -186,7 +186,7 @@ def piece_crossings(
 
 
 @inline_kernel
-def tidy(n: int, ring: int, root: FloatArray) -> int:
+def sort_crossings(n: int, ring: int, root: FloatArray) -> int:
     """Sort ``n`` intersections along the first outline, of ``ring`` spans, and drop those found twice; their number.
 
     Along a closed curve entering and leaving alternate: neighbours of the same kind and at the same place are one.
@@ -237,7 +237,7 @@ def crossings(table: ShapeTable, a: int, b: int, pose: Pose, work: Workspace) ->
                 n, boxes = piece_crossings(table, a, ka, b, kb, pose, work, n, boxes)
                 if n < 0:
                     return n
-    n = tidy(n, table.first_span[a + 1] - table.first_span[a], work.root)
+    n = sort_crossings(n, table.first_span[a + 1] - table.first_span[a], work.root)
     return PARALLEL if n == UNDECIDED else n
 
 

@@ -14,8 +14,8 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.nurbs.curve import MOST_DEGREE, MOST_POINTS, NurbsCurve
 from ninedisk.core.nurbs.curve_kernels import ShapeTable
-from ninedisk.core.nurbs.table import table_of_circles, tables_together
-from ninedisk.core.validate import at_least, numbers, real, shown, whole
+from ninedisk.core.nurbs.table import joined_tables, table_of_circles
+from ninedisk.core.validate import at_least, numbers, real, short_repr, whole
 
 QUARTERS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0])
 MOST_ROUNDS = 1_000
@@ -220,7 +220,9 @@ def regular_polygon(faces: int, apothem: float, *, roundness: float = 0.0) -> Nu
     m = whole("faces", faces, 3, MOST_FACES, error=InvalidSceneError)
     height, part = at_least("apothem", apothem, 0.0, strict=True), real(roundness)
     if not 0.0 <= part < 1.0:
-        raise InvalidSceneError(f"roundness = {shown(roundness)} is not allowed: it must be in [0, 1); 1 is a disk")
+        raise InvalidSceneError(
+            f"roundness = {short_repr(roundness)} is not allowed: it must be in [0, 1); 1 is a disk"
+        )
     half = pi / m
     directions = -0.5 * pi + 2.0 * half * np.arange(m, dtype=np.float64)  # of the faces' outward normals
     normal, along = _directions(directions), _directions(directions + 0.5 * pi)
@@ -268,7 +270,7 @@ def traced(image: ArrayLike, pixel: float = 1.0) -> FloatArray:
     try:
         given = np.empty(()) if np.ma.is_masked(image) else np.asarray(image)
     except Exception as error:  # rows of unequal length, or whatever an object does that is asked to be an array
-        raise InvalidSceneError(f"image must be truth values in rows and columns, not {shown(image)}") from error
+        raise InvalidSceneError(f"image must be truth values in rows and columns, not {short_repr(image)}") from error
     width = at_least("pixel", pixel, 0.0, strict=True)
     if given.dtype != np.bool_ or given.ndim != 2:
         raise InvalidSceneError(
@@ -326,7 +328,7 @@ def body_shapes(
     tables += [table_of_circles(_unit_disk().table, radii)] if len(radii) else []
     shape = outline.copy()
     shape[is_disk] = len(outlines) + circle
-    return tables_together(tables), shape, radii
+    return joined_tables(tables), shape, radii
 
 
 @cache

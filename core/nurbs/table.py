@@ -191,7 +191,7 @@ def table_of_circles(unit: ShapeTable, radii: FloatArray) -> ShapeTable:
     )
 
 
-def tables_together(tables: Sequence[ShapeTable]) -> ShapeTable:
+def joined_tables(tables: Sequence[ShapeTable]) -> ShapeTable:
     """One table of the shapes of several, in their order."""
     most = max(table.coef.shape[1] for table in tables)
     joined = {name: np.concatenate([getattr(table, name) for table in tables]) for name in ShapeTable._fields[4:]}

@@ -8,7 +8,16 @@ from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.nurbs.curve_kernels import Pose, ShapeTable, step_along, tangent_at
 from ninedisk.core.nurbs.lens_kernels import extent_along, extent_on
-from ninedisk.core.nurbs.roots_kernels import COINCIDE, CONTRACTION, MOST_BOXES, ROUNDING, SHIFT, TOUCHING, known, tidy
+from ninedisk.core.nurbs.roots_kernels import (
+    COINCIDE,
+    CONTRACTION,
+    MOST_BOXES,
+    ROUNDING,
+    SHIFT,
+    TOUCHING,
+    is_known,
+    sort_crossings,
+)
 from ninedisk.core.nurbs.state import ENCLOSED, FULL, MOST_ROOTS, PARALLEL, STACK, UNDECIDED, ContactRows, Workspace
 
 
@@ -66,7 +75,7 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
                 found, u, slope = solve_range(table, shape, i, u, nx, ny, height, half, slack)
                 crossing = 1.0 if slope < 0.0 else -1.0
                 # Where the outline is parallel to the wall, rounding lets many boxes find the same intersection.
-                if found and not known(work.root, before, n, u, crossing, 3.0 * slack):
+                if found and not is_known(work.root, before, n, u, crossing, 3.0 * slack):
                     if n >= MOST_ROOTS:
                         return UNDECIDED
                     root = work.root
@@ -80,7 +89,7 @@ def line_crossings(table: ShapeTable, shape: int, nx: float, ny: float, height: 
                 return UNDECIDED
             box[waiting, 0], box[waiting, 1], box[waiting + 1, 0], box[waiting + 1, 1] = low, u, u, high
             waiting += 2
-    n = tidy(n, table.first_span[shape + 1] - table.first_span[shape], work.root)
+    n = sort_crossings(n, table.first_span[shape + 1] - table.first_span[shape], work.root)
     return PARALLEL if n == UNDECIDED else n
 
 

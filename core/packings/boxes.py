@@ -14,16 +14,16 @@ from ninedisk.core.packings.parts import (
     LEAST_OVERLAP,
     MOST_DISKS,
     SPREAD,
+    checked_count,
+    checked_positive,
     contact_law,
-    count,
-    positive,
-    random,
+    random_generator,
     settle,
     uniform_disks,
 )
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.walls import Wall, WallSegment
-from ninedisk.core.validate import kind_of, shown, within
+from ninedisk.core.validate import kind_of, short_repr, within
 
 
 def poured(columns: int, rows: int, *, seed: int = 0, mu: float = 0.5, overlap: float = 0.005) -> Scene:
@@ -49,10 +49,10 @@ def poured(columns: int, rows: int, *, seed: int = 0, mu: float = 0.5, overlap: 
     InvalidSceneError
         If a value is out of range.
     """
-    columns = count("columns", columns)
-    rows = count("rows", rows, high=MOST_DISKS // columns)
+    columns = checked_count("columns", columns)
+    rows = checked_count("rows", rows, high=MOST_DISKS // columns)
     overlap = within("overlap", overlap, LEAST_OVERLAP, 0.1)
-    rng = random(seed)
+    rng = random_generator(seed)
     pitch = 2.0 * SPREAD[1]
     grid = np.array([(i, j) for j in range(rows) for i in range(columns)], dtype=np.float64)
     x = pitch * (grid + 0.5) + rng.uniform(-0.05, 0.05, grid.shape)
@@ -80,7 +80,7 @@ def settled_packing(
     progress, threads
         As in `settle`.
     """
-    n = count("n", n)
+    n = checked_count("n", n)
     aspect = within("aspect", aspect, 1.0 / n, n)
     columns = max(1, round(math.sqrt(n / aspect)))
     return settle(poured(columns, max(1, round(n / columns)), seed=seed), progress=progress, threads=threads)
@@ -97,10 +97,10 @@ def side_by_side(scene: Scene, copies: int) -> Scene:
         If the scene is not one of `poured`'s boxes.
     """
     kind_of("scene", scene, Scene)
-    copies = count("copies", copies, high=MOST_DISKS // max(len(scene.disks), 1))
+    copies = checked_count("copies", copies, high=MOST_DISKS // max(len(scene.disks), 1))
     if [wall.name for wall in scene.walls] != ["left", "right", "bottom"]:
         raise InvalidSceneError(
-            f"side_by_side takes a box with the walls left, right, bottom, not scene = {shown(scene)}"
+            f"side_by_side takes a box with the walls left, right, bottom, not scene = {short_repr(scene)}"
         )
     disks, width = scene.disks, scene.walls[1].point[0]
     n = len(disks)
@@ -126,7 +126,7 @@ def biaxial(columns: int, rows: int, *, seed: int = 0, strain: float = 0.02, dur
         Time that they take [s], > 0.
     """
     strain = within("strain", strain, 0.0, 0.3, open_low=True)
-    duration = positive("duration", duration)
+    duration = checked_positive("duration", duration)
     base = poured(columns, rows, seed=seed)
     height = 2.0 * SPREAD[1] * rows + 0.2
     law = base.disk_disk
@@ -152,7 +152,7 @@ def collapse(scene: Scene, *, speed: float = 20.0) -> Scene:
         Speed of the wall [m/s], > 0; faster than the grains fall.
     """
     kind_of("scene", scene, Scene)
-    speed = positive("speed", speed)
+    speed = checked_positive("speed", speed)
     scene.wall_index("right")
     walls = [
         Wall(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.packings.parts import GRAVITY, SPREAD, contact_law, count, random, uniform_disks
+from ninedisk.core.packings.parts import GRAVITY, SPREAD, checked_count, contact_law, random_generator, uniform_disks
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.walls import Wall, WallSegment
 from ninedisk.core.validate import LARGEST, finite, within
@@ -31,10 +31,10 @@ def drum(n: int, *, seed: int = 0, turns_per_second: float = 0.05, sides: int = 
     fill : float
         Part of the drum that the disks fill, in [0.001, 0.6].
     """
-    n, sides = count("n", n), count("sides", sides, low=3, high=MOST_SIDES)
+    n, sides = checked_count("n", n), checked_count("sides", sides, low=3, high=MOST_SIDES)
     fill = within("fill", fill, 1e-3, 0.6)
     turns_per_second = float(finite("turns_per_second", turns_per_second, (), most=LARGEST))
-    rng = random(seed)
+    rng = random_generator(seed)
     pitch = 2.0 * SPREAD[1]
     inner = max(2.0 * pitch, pitch * math.sqrt(n / (fill * math.pi)))
     side = math.ceil(2.0 * inner / pitch)

@@ -9,7 +9,15 @@ import numpy as np
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.packings.parts import DENSITY, GRAVITY, MOST_DISKS, SPREAD, contact_law, count, random
+from ninedisk.core.packings.parts import (
+    DENSITY,
+    GRAVITY,
+    MOST_DISKS,
+    SPREAD,
+    checked_count,
+    contact_law,
+    random_generator,
+)
 from ninedisk.core.scene import Scene
 from ninedisk.core.scene.bodies import Disks
 from ninedisk.core.scene.walls import Wall, WallSegment
@@ -65,7 +73,7 @@ def hopper(
     InvalidSceneError
         If a value is out of range.
     """
-    n = count("n", n)
+    n = checked_count("n", n)
     aspect = within("aspect", aspect, 1.0 / n, n)
     outlet = within("outlet", outlet, 1.5, MOST_OUTLET)
     half_angle = within("half_angle", half_angle, LEAST_ANGLE, math.pi / 2.0)
@@ -81,7 +89,7 @@ def hopper(
     side = np.column_stack([first + along * math.sin(half_angle), along * math.cos(half_angle)])
     half = float(side[-1, 0]) + FUNNEL
     rows = np.concatenate([side * (-1.0, 1.0), side])
-    rng = random(seed)
+    rng = random_generator(seed)
     x = _places(n, half, first, half_angle) + rng.uniform(-0.05, 0.05, (n, 2))
     radius = np.concatenate([rng.uniform(*SPREAD, n), np.full(len(rows), FUNNEL)])
     is_fixed = np.arange(n + len(rows)) >= n

@@ -31,7 +31,7 @@ STILL = 1e-9
 
 def contact_law(height: float, *, overlap: float = 0.005, mu: float = 0.5, beta: float = 0.2) -> ContactLaw:
     """Law whose contacts overlap by about ``overlap`` diameters under a column of the given height [m]."""
-    kn = DENSITY * GRAVITY * positive("height", height) / within("overlap", overlap, LEAST_OVERLAP, 0.1)
+    kn = DENSITY * GRAVITY * checked_positive("height", height) / within("overlap", overlap, LEAST_OVERLAP, 0.1)
     return ContactLaw(kn=kn, ks=0.5 * kn, mu=mu, beta=beta, restitution=0.0)
 
 
@@ -94,16 +94,16 @@ def uniform_disks(x: FloatArray, radius: FloatArray, mass: FloatArray | None = N
     return Disks(x=x, radius=radius, mass=DENSITY * math.pi * radius**2 if mass is None else mass)
 
 
-def count(name: str, value: object, *, low: int = 1, high: int = MOST_DISKS) -> int:
+def checked_count(name: str, value: object, *, low: int = 1, high: int = MOST_DISKS) -> int:
     """The value as an int, or `InvalidSceneError`: a number of disks, copies, sides, or a seed."""
     return whole(name, value, low, high, error=InvalidSceneError)
 
 
-def positive(name: str, value: object) -> float:
+def checked_positive(name: str, value: object) -> float:
     """The value as a float, or `InvalidSceneError`: a number > 0."""
     return at_least(name, value, 0.0, strict=True)
 
 
-def random(seed: object) -> np.random.Generator:
+def random_generator(seed: object) -> np.random.Generator:
     """The generator of a scene's radii and places; `InvalidSceneError` unless the seed is a whole number >= 0."""
-    return np.random.default_rng(count("seed", seed, low=0, high=2**63 - 1))
+    return np.random.default_rng(checked_count("seed", seed, low=0, high=2**63 - 1))

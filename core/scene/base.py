@@ -14,7 +14,7 @@ from ninedisk.core.scene.bodies import Bodies
 from ninedisk.core.scene.cell import Cell
 from ninedisk.core.scene.loads import BodyForce
 from ninedisk.core.scene.walls import AnyWall, endless, plain
-from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, shown, whole
+from ninedisk.core.validate import all_of_kind, at_least, body_numbers, finite, items_of, kind_of, short_repr, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +83,7 @@ class AnyScene:
             whole(f"force on {self.noun}", load.disk, 0, len(self.bodies) - 1, error=InvalidSceneError)
             if load.dimension != self.dimension:
                 raise InvalidSceneError(
-                    f"force on {self.noun} {load.disk} = {shown(load.force)} is not allowed: it must have {self.dimension} components"
+                    f"force on {self.noun} {load.disk} = {short_repr(load.force)} is not allowed: it must have {self.dimension} components"
                 )
 
         if self.cell is not None:
@@ -211,13 +211,13 @@ class AnyScene:
             if wall.name == name:
                 return len(self.bodies) + k
         known = ", ".join(wall.name for wall in self.walls) or "none"
-        raise InvalidSceneError(f"there is no wall {shown(name)}: the scene's walls are {known}")
+        raise InvalidSceneError(f"there is no wall {short_repr(name)}: the scene's walls are {known}")
 
     def check_pair(self, pair: Sequence[int]) -> tuple[int, int]:
         """Return ``pair`` as two body numbers in order, or raise `InvalidSceneError`."""
         bodies = body_numbers("a pair is two body numbers", pair)
         if len(bodies) != 2:
-            raise InvalidSceneError(f"a pair is two body numbers, not {shown(pair)}")
+            raise InvalidSceneError(f"a pair is two body numbers, not {short_repr(pair)}")
         i, j = bodies
         if not (0 <= i < len(self.bodies) and i < j < self.n_bodies):
             raise InvalidSceneError(
@@ -266,11 +266,11 @@ class AnyScene:
             "allow_unstable=True to run all the same"
         )
 
-    def too_fast(self, body: int, other: str, way: float, limit: float, t: float, step: float) -> TooFastError:
-        """Return the error of a body that moves by ``way`` against ``other`` in a contact step [s] that ends at ``t`` [s]; lengths in m."""
+    def too_fast(self, body: int, other: str, dx: float, limit: float, t: float, step: float) -> TooFastError:
+        """Return the error of a body that moves by ``dx`` against ``other`` in a contact step [s] that ends at ``t`` [s]; lengths in m."""
         return TooFastError(
-            f"{self.body_name(body)} moves {way:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
-            f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / way:g} s (now {step:g} s), "
+            f"{self.body_name(body)} moves {dx:g} m against {other} in the contact step that ends at t = {t:g} s; at most {limit:g} m are "
+            f"allowed, beyond which a contact can be jumped over: use contact_dt of at most {step * limit / dx:g} s (now {step:g} s), "
             "or lower the speeds"
         )
 
@@ -321,7 +321,7 @@ class AnyScene:
             names = items_of("the materials of a law", pair, "two names")
             if len(names) != 2 or not all(isinstance(name, str) for name in names):
                 raise InvalidSceneError(
-                    f"the materials of a law = {shown(pair)} are not allowed: they must be two names"
+                    f"the materials of a law = {short_repr(pair)} are not allowed: they must be two names"
                 )
             for name in names:
                 if name not in used:
@@ -331,7 +331,7 @@ class AnyScene:
                     )
             if ordered(*names) in laws:
                 raise InvalidSceneError(f"the materials {names[0]!r} and {names[1]!r} have two laws: give one")
-            laws[ordered(*names)] = kind_of(f"law of {shown(pair)}", law, ContactLaw)
+            laws[ordered(*names)] = kind_of(f"law of {short_repr(pair)}", law, ContactLaw)
         return laws
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, shown
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, short_repr
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -252,7 +252,7 @@ def materials_of(name: str, value: object, n: int) -> tuple[str, ...]:
     names = items_of(name, value, "a name, or one for each body")
     if len(names) != n or not all(isinstance(each, str) for each in names):
         raise InvalidSceneError(
-            f"{name} = {shown(value)} is not allowed: it must be a name, or one for each of the {n} bodies"
+            f"{name} = {short_repr(value)} is not allowed: it must be a name, or one for each of the {n} bodies"
         )
     return names
 
@@ -277,7 +277,7 @@ def flags_of(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> 
         flags = np.empty(shape, dtype=bool)
     if flags.dtype != np.bool_ or flags.shape not in ((), shape):
         raise InvalidSceneError(
-            f"{name} must be true or false, one for all or {form} of the {shape[0]}, not {shown(value)}"
+            f"{name} must be true or false, one for all or {form} of the {shape[0]}, not {short_repr(value)}"
         )
     full = np.array(np.broadcast_to(flags, shape))
     full.setflags(write=False)

@@ -7,7 +7,7 @@ from math import inf
 from typing import Any
 
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import LARGEST, at_least, finite, real, shown, whole
+from ninedisk.core.validate import LARGEST, at_least, finite, real, short_repr, whole
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class BodyForce:
         end = real(self.end)
         if not end > self.begin:
             raise InvalidSceneError(
-                f"end of a force = {shown(self.end)} is not allowed: it must be a time after its begin, {self.begin:g} s, or inf"
+                f"end of a force = {short_repr(self.end)} is not allowed: it must be a time after its begin, {self.begin:g} s, or inf"
             )
         object.__setattr__(self, "end", end)
 

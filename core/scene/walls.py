@@ -11,7 +11,7 @@ import numpy as np
 
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, real, shown
+from ninedisk.core.validate import LARGEST, SMALLEST, all_of_kind, finite, kind_of, real, short_repr
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class Segment:
         duration = real(self.duration)
         if not duration > 0.0:
             raise InvalidSceneError(
-                f"segment duration = {shown(self.duration)} is not allowed: it must be a number > 0 (inf for the last segment)"
+                f"segment duration = {short_repr(self.duration)} is not allowed: it must be a number > 0 (inf for the last segment)"
             )
         if not (SMALLEST <= duration <= LARGEST or duration == np.inf):
             raise InvalidSceneError(
@@ -190,7 +190,7 @@ class AnyWall:
     def __post_init__(self) -> None:
         d = self.dimension
         if not isinstance(self.name, str):
-            raise InvalidSceneError(f"the name of a wall must be a string, not {shown(self.name)}")
+            raise InvalidSceneError(f"the name of a wall must be a string, not {short_repr(self.name)}")
         object.__setattr__(self, "point", vector(f"wall {self.name!r} point", self.point, d))
         normal = finite(f"wall {self.name!r} normal", self.normal, (d,))
         largest = float(np.abs(normal).max())

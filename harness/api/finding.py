@@ -183,7 +183,7 @@ def known_findings() -> tuple[Finding, ...]:
     >>> len(ids) == len(set(ids)), all("/" in each for each in ids)
     (True, True)
     """
-    return _collected()[0]
+    return _collect()[0]
 
 
 def finding_problems() -> tuple[str, ...]:
@@ -198,11 +198,11 @@ def finding_problems() -> tuple[str, ...]:
     >>> all(isinstance(sentence, str) for sentence in finding_problems())
     True
     """
-    return _collected()[1]
+    return _collect()[1]
 
 
 @lru_cache(maxsize=1)
-def _collected() -> tuple[tuple[Finding, ...], tuple[str, ...]]:
+def _collect() -> tuple[tuple[Finding, ...], tuple[str, ...]]:
     found: dict[str, Finding] = {}
     wrong: list[str] = []
     for module, origin in _modules().items():
@@ -226,12 +226,12 @@ def _modules() -> dict[str, str]:
     for entry in (*engine_table().values(), *case_table().values()):
         package = entry.where.partition(":")[0].rpartition(".")[0]
         module = f"{package}.findings"
-        if package and module not in found and _exists(module):
+        if package and module not in found and _module_exists(module):
             found[module] = entry.origin
     return found
 
 
-def _exists(module: str) -> bool:
+def _module_exists(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
     except (Exception, SystemExit):  # whatever a broken package does where it begins; its engines say so

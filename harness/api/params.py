@@ -67,7 +67,7 @@ def resolve(case: Case, overrides: Mapping[str, Any]) -> Variant:
     return Variant(id=",".join(shown) or "default", params=params)
 
 
-def foreign_settings(case: Case, params: Mapping[str, Any], contact: str) -> list[str]:
+def settings_of_other_engines(case: Case, params: Mapping[str, Any], contact: str) -> list[str]:
     """Return the parameters that differ from their default although only engines with another kind of contact have them.
 
     Parameters
@@ -215,7 +215,7 @@ def parse(parameter: Parameter, given: Any) -> Any:
     if given is None or (text == "none" and text not in parameter.choices):
         if parameter.optional or parameter.default is None:
             return None
-        raise _refused(parameter, given)
+        raise _refusal(parameter, given)
     if text is not None and text in parameter.words:
         return text
     kind = _kind(parameter)
@@ -225,7 +225,7 @@ def parse(parameter: Parameter, given: Any) -> Any:
         return _parse_choice(parameter, given)
     if kind == "text":
         if not text:
-            raise _refused(parameter, given)
+            raise _refusal(parameter, given)
         return text
     return _parse_number(parameter, given)
 
@@ -240,7 +240,7 @@ def _kind(parameter: Parameter) -> str:
     return "number"
 
 
-def _refused(parameter: Parameter, given: Any, why: str = "") -> ParameterError:
+def _refusal(parameter: Parameter, given: Any, why: str = "") -> ParameterError:
     shown = given if isinstance(given, str) else format_value(given) if _plain(given) else repr(given)
     return ParameterError(f"{parameter.name} = {shown} is not allowed: {why or f'it must be {allowed(parameter)}'}")
 
@@ -255,7 +255,7 @@ def _parse_bool(parameter: Parameter, given: Any) -> bool:
         return True
     if text in _FALSE:
         return False
-    raise _refused(parameter, given)
+    raise _refusal(parameter, given)
 
 
 def _parse_choice(parameter: Parameter, given: Any) -> Any:
@@ -270,47 +270,47 @@ def _parse_choice(parameter: Parameter, given: Any) -> Any:
         try:
             value = _number(parameter, given)
         except ParameterError:
-            raise _refused(parameter, given) from None
+            raise _refusal(parameter, given) from None
         for choice in parameter.choices:
             if not isinstance(choice, str) and value == choice:
                 return choice
     names = [format_value(choice) for choice in parameter.choices]
     hint = close_matches(text, names)
-    raise _refused(parameter, given, f"it must be {allowed(parameter)}.{hint}" if hint else "")
+    raise _refusal(parameter, given, f"it must be {allowed(parameter)}.{hint}" if hint else "")
 
 
 def _parse_number(parameter: Parameter, given: Any) -> float | int:
     value = _number(parameter, given)
     below = value <= parameter.low if parameter.low_open else value < parameter.low
     if not math.isfinite(value) or below or value > parameter.high:
-        raise _refused(parameter, given)
+        raise _refusal(parameter, given)
     if abs(value) > LARGEST or 0.0 < abs(value) < 1.0 / LARGEST:
-        raise _refused(parameter, given, f"its size must lie between {1.0 / LARGEST:g} and {LARGEST:g}, or be 0")
+        raise _refusal(parameter, given, f"its size must lie between {1.0 / LARGEST:g} and {LARGEST:g}, or be 0")
     if parameter.whole:
         if value != int(value):
-            raise _refused(parameter, given)
+            raise _refusal(parameter, given)
         return int(value)
     return value
 
 
 def _number(parameter: Parameter, given: Any) -> float:
     if isinstance(given, bool):
-        raise _refused(parameter, given)
+        raise _refusal(parameter, given)
     if not isinstance(given, str):
         try:
             return float(given)
         except (TypeError, ValueError, OverflowError):
-            raise _refused(parameter, given) from None
+            raise _refusal(parameter, given) from None
     split = split_number(given)
     if split is None:
-        raise _refused(parameter, given)
+        raise _refusal(parameter, given)
     number, suffix = split
     try:
         value = float(Fraction(number)) if "/" in number else float(number)
     except (ZeroDivisionError, OverflowError):
-        raise _refused(parameter, given) from None
+        raise _refusal(parameter, given) from None
     if not math.isfinite(value):
-        raise _refused(parameter, given)
+        raise _refusal(parameter, given)
     return to_unit(parameter.name, number, suffix, parameter.unit) if suffix not in ("", parameter.unit) else value
 
 

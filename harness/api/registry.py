@@ -2,7 +2,7 @@
 
 Ids are listed without importing anything that belongs to a case or an engine, so that ``ninedisk --help`` and
 ``ninedisk list`` stay fast; an object is imported when it is asked for. What is wrong with one package, be it an id that is
-taken or metadata that cannot be read, is kept for whoever asks (`problems`) and takes nothing from the others.
+taken or metadata that cannot be read, is kept for whoever asks (`entry_problems`) and takes nothing from the others.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ def engine_table() -> Mapping[str, Registered]:
     return _registered(ENGINE_GROUP)[0]
 
 
-def problems() -> tuple[str, ...]:
+def entry_problems() -> tuple[str, ...]:
     """Return what is wrong with the announcements of installed packages, a sentence each that names the package.
 
     Returns
@@ -370,10 +370,10 @@ def check_engine_ids(ids: Iterable[str]) -> None:
 
 def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:
     if name not in table:
-        raise UnknownIdError(f"there is no {kind} {name!r}{_known(name, table, kind)}")
+        raise UnknownIdError(f"there is no {kind} {name!r}{_suggestion(name, table, kind)}")
 
 
-def _known(name: str, table: Mapping[str, Registered], kind: str) -> str:
+def _suggestion(name: str, table: Mapping[str, Registered], kind: str) -> str:
     """Return what a name may have meant, and where all names are listed."""
     return f".{close_matches(name, table)} `ninedisk list {kind}s` shows all {len(table)}"
 
@@ -428,6 +428,6 @@ def match_cases(globs: Iterable[str]) -> list[str]:
     for pattern in patterns:
         if not fnmatch.filter(table, pattern):
             raise UnknownIdError(
-                f"no case matches {pattern!r}{_known(pattern, table, 'case')} (quote patterns such as 'nine-disk/*')"
+                f"no case matches {pattern!r}{_suggestion(pattern, table, 'case')} (quote patterns such as 'nine-disk/*')"
             )
     return [name for name in table if not patterns or any(fnmatch.fnmatchcase(name, p) for p in patterns)]

@@ -8,7 +8,7 @@ import re
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 
 
-def short(value: float) -> str:
+def short_number(value: float) -> str:
     """Format a number with up to three significant digits; ``-`` for no number.
 
     Parameters
@@ -28,7 +28,7 @@ def short(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.3g}"
 
 
-def some(count: int, word: str) -> str:
+def count_noun(count: int, word: str) -> str:
     """Format a number and a noun.
 
     Parameters
@@ -49,7 +49,7 @@ def some(count: int, word: str) -> str:
     return f"{count:,} {word}{'' if count == 1 else 's'}"
 
 
-def times(base: float, head: float) -> str:
+def factor_text(base: float, head: float) -> str:
     """Format how many times as large a value is; ``-`` where that means nothing.
 
     Parameters
@@ -98,7 +98,7 @@ def duration(seconds: float) -> str:
     return f"{seconds * 1e6:.3g} us"
 
 
-def printable(text: str) -> str:
+def one_line(text: str) -> str:
     """Replace control characters, which could move a terminal's cursor or break a file's syntax, by spaces.
 
     Parameters

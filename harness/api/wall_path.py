@@ -36,7 +36,7 @@ def moving_until(scene: Scene) -> float:
         begin = 0.0
         for segment in wall.motion:
             begin += segment.duration
-            if _moves(segment):
+            if _is_moving(segment):
                 end = max(end, begin)
     return end
 
@@ -85,7 +85,7 @@ def wall_path(scene: Scene, dt: float, n_steps: int) -> NDArray[np.float64]:
     return np.ascontiguousarray(path[:, :, :9])
 
 
-def _moves(segment: WallSegment) -> bool:
+def _is_moving(segment: WallSegment) -> bool:
     wave = any(segment.amplitude) and segment.frequency != 0.0
     ramp = any(segment.tan_lever) and segment.tan_rate != 0.0
     return any(segment.velocity) or segment.angular_velocity != 0.0 or wave or ramp

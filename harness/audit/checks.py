@@ -140,16 +140,16 @@ class Tally:
         self.series.append((state.t, float(value[k]), float(allowance[k])))
         worse = self.worst is None or ratio[k] > self.worst["ratio"]
         if worse or (lost and self.first is None):
-            told = {
+            given = {
                 "step": state.step, "t": state.t, "place": state.place, "who": who(k), "value": float(value[k]),
                 "allowance": float(allowance[k]), "ratio": min(float(ratio[k]), 1e300),
                 "parts": {name: float(np.nan_to_num(np.broadcast_to(part, value.shape)[k])) for name, part in parts.items()},
                 "disks": members(k)[:50].tolist(),
             }  # fmt: skip
             if lost and self.first is None:
-                self.first = told
+                self.first = given
             if worse:
-                self.worst, self.scene = told, state if ratio[k] > 1.0 else None
+                self.worst, self.scene = given, state if ratio[k] > 1.0 else None
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ class Auditor:
         self._held.append(state)
         held = self._held
         if len(held) == 1:
-            self._state(state, None)
+            self._check_state(state, None)
         elif len(held) == 3:
             self._interval(None, held[0], held[1], held[2])
         elif len(held) == 4:
@@ -267,7 +267,7 @@ class Auditor:
         eh = self._clock_error(b, c, h) + 2.0 * EPS * abs(c.t)
         mean = 0.5 * (b.v + c.v)
         speed = np.maximum(_norm(b.v), _norm(c.v))
-        squeeze = self._squeeze(b, c)
+        squeeze = self._spring_forces(b, c)
         ev = b.ev + c.ev + 4.0 * hidden * (speed + _norm(g) * h + squeeze * h / bodies.mass) + eh * _norm(g)
         ex = b.ex + c.ex + 2.0 * hidden * np.maximum(_norm(b.x), _norm(c.x)) + 0.5 * h * (b.ev + c.ev) + eh * speed
         drag = scene.damping * h
@@ -276,8 +276,8 @@ class Auditor:
         r = c.x - b.x - h * mean
         bulge = 0.25 * h * _norm(dv) + _norm(r) + ex + 0.5 * dt * speed
         for _ in range(ROUNDS):
-            touch = self._touching(b, c, use, bulge)
-            resolved, reach = self._reach(b, c, use, touch, h, dt)
+            touch = self._possible_contacts(b, c, use, bulge)
+            resolved, reach = self._resolved_disks(b, c, use, touch, h, dt)
             wider = np.maximum(bulge, np.where(touch.degree > 1, reach, 0.0))
             if (wider <= bulge).all():
                 break
@@ -290,7 +290,7 @@ class Auditor:
         else:
             self.tallies["spin"].skip(1, "the file has no spins: add a column omega")
         gain = self._energy(whole)
-        self._state(c, gain)
+        self._check_state(c, gain)
         vrel = float(2.0 * np.nanmax(speed, initial=0.0))
         self._growth.append(
             (h, 2.0 * vrel / float(bodies.radius.min()) if len(touch.pairs) or len(touch.walled) else 0.0)
@@ -307,7 +307,7 @@ class Auditor:
                 return 0.0
         return b.et + c.et
 
-    def _squeeze(self, *states: State) -> FloatArray:
+    def _spring_forces(self, *states: State) -> FloatArray:
         """Sum of the spring forces on each disk [N], the larger of the states'; 0 without kn."""
         n = len(self.bodies.id)
         found = np.zeros(n)
@@ -321,7 +321,7 @@ class Auditor:
             found = np.maximum(found, total + np.bincount(j[disks], force[disks], n))
         return found
 
-    def _reach(
+    def _resolved_disks(
         self, b: State, c: State, use: NDArray[np.bool_], touch: _Contacts, h: float, dt: float
     ) -> tuple[NDArray[np.bool_], FloatArray]:
         """Disks whose contacts the sampling resolves or whose one contact is a single event, and how far others may get [m].
@@ -344,13 +344,13 @@ class Auditor:
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
         for state in (b, c):
             u = state.v - V[touch.label]
-            store = self._stored(state, mu)
+            store = self._spring_energies(state, mu)
             energy += _groups(touch, 0.5 * m * (u * u).sum(axis=1) + store["normal"] + store["shear"], use)
         fall = _norm(scene.gravity) * h
         most = energy[touch.label] + m * fall**2
         return ~coarse, np.where(coarse, h * (np.sqrt(2.0 * most / m) + fall), 0.0)
 
-    def _touching(self, b: State, c: State, use: NDArray[np.bool_], bulge: FloatArray) -> _Contacts:
+    def _possible_contacts(self, b: State, c: State, use: NDArray[np.bool_], bulge: FloatArray) -> _Contacts:
         """What may have touched between two frames.
 
         The way from b to c, if one event bends it, departs from its chord by at most h/4 of the change of velocity, which is ``bulge``.
@@ -364,13 +364,13 @@ class Auditor:
         middle, half = 0.5 * (b.x + c.x), 0.5 * (c.x - b.x)
         bow = np.where(self.bodies.fixed, 0.0, bulge)
         reach = R + _norm(half) + bow
-        pairs = at[_near(middle[at], reach[at])]
+        pairs = at[_close_pairs(middle[at], reach[at])]
         i, j = pairs[:, 0], pairs[:, 1]
         d0, d1 = b.x[j] - b.x[i], c.x[j] - c.x[i]
-        way = d1 - d0
-        length = (way * way).sum(axis=1)
-        share = np.clip(-(d0 * way).sum(axis=1) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-        gap = _norm(d0 + share[:, None] * way) - R[i] - R[j]
+        displacement = d1 - d0
+        length = (displacement * displacement).sum(axis=1)
+        share = np.clip(-(d0 * displacement).sum(axis=1) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        gap = _norm(d0 + share[:, None] * displacement) - R[i] - R[j]
         pairs = pairs[(gap <= bow[i] + bow[j]) & (use[i] | use[j])]
         i, j = pairs[:, 0], pairs[:, 1]
         anchored = np.zeros(n, dtype=bool)
@@ -549,7 +549,9 @@ class Auditor:
                 x, y = got[chosen[k]]
                 return f"{who(k)}, to whom walls gave ({x:.4g}, {y:.4g}) N s"
 
-            tally.judge(c, _outside(got[chosen], cone), {"digits of v and t": allowed[chosen]}, impulse, members)
+            tally.judge(
+                c, _distance_from_cone(got[chosen], cone), {"digits of v and t": allowed[chosen]}, impulse, members
+            )
         self._total_momentum(c, got, allowed, use, anchored, cones)
 
     def _total_momentum(
@@ -567,11 +569,11 @@ class Auditor:
         if start["any"] or not use.any():
             return
         # Readings in between cancel; their digits count at both ends, an engine's round-off all the way.
-        hull = _hull([angle for cone in start["rays"] for angle in cone])
+        hull = _narrowest_cone([angle for cone in start["rays"] for angle in cone])
         if start["rays"] and hull is None:
             start["any"] = True
             return
-        value = _outside(start["got"][None], hull) if hull is not None else _norm(start["got"])[None]
+        value = _distance_from_cone(start["got"][None], hull) if hull is not None else _norm(start["got"])[None]
         steps = len(self.intervals)
         mass = self.bodies.mass
         speed = np.nan_to_num(_norm(c.v))
@@ -593,7 +595,7 @@ class Auditor:
                     half = 0.5 * np.pi if mu is None else float(np.arctan(mu))
                     middle = float(np.arctan2(poses[w, 3], poses[w, 2]))
                     angles += [middle - half, middle + half]
-        return _hull(angles)
+        return _narrowest_cone(angles)
 
     def _spin(self, interval: _Interval) -> None:
         scene, bodies, tally = self.scene, self.bodies, self.tallies["spin"]
@@ -683,7 +685,7 @@ class Auditor:
         scene, bodies = self.scene, self.bodies
         n, R = len(bodies.id), bodies.radius
         at = np.flatnonzero(state.here)
-        pairs = at[_near(state.x[at], R[at])]
+        pairs = at[_close_pairs(state.x[at], R[at])]
         i, j = pairs[:, 0], pairs[:, 1]
         depth = R[i] + R[j] - _norm(state.x[j] - state.x[i])
         kept = depth > 0.0
@@ -693,13 +695,13 @@ class Auditor:
             over = np.nan_to_num(R[:, None] - _heights(state.x, wall_poses(self.motion, state.t)), nan=-1.0)
             on = np.argwhere((over > 0.0) & state.here[:, None])
             i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
-            kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in told], dtype=float)[on[:, 1]]]
-                      for own, told in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
+            kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
+                      for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
         found = (i.astype(np.int64), j.astype(np.int64), depth, kn, ks)
         self._cache = dict(list(self._cache.items())[-3:]) | {id(state): (state, *found)}
         return found
 
-    def _stored(self, state: State, mu: float) -> dict[str, FloatArray]:
+    def _spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
         """Energies of springs by disk [J] and their errors; a pair's stand at its first disk."""
         n = len(self.bodies.id)
         i, j, depth, kn, ks = self._overlaps(state)
@@ -740,8 +742,8 @@ class Auditor:
         blind = np.zeros(touch.groups, dtype=bool)
         before = np.zeros(touch.groups, dtype=bool)
         for state, sign in ((c, 1.0), (b, -1.0)):
-            own, err = self._own(state, use)
-            store = self._stored(state, mu)
+            own, err = self._body_energies(state, use)
+            store = self._spring_energies(state, mu)
             gain += sign * _groups(touch, own + np.where(use, store["normal"], 0.0), use)
             parts["digits"] += _groups(touch, err + store["error"], use)
             blind |= _groups(touch, store["unknown"], use) > 0
@@ -768,11 +770,11 @@ class Auditor:
             blind |= touched
             before |= touched
         anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
-        moving = self._moving(b.t, c.t)
+        moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(_norm(b.v))[bodies.fixed] > 0.0).any())
         for group in np.flatnonzero((walls & moving > 0) & (size > 0)):
             disks = np.flatnonzero((touch.label == group) & use)
-            work = self._work(
+            work = self._wall_work(
                 int(walls[group]), disks, (m[disks, None] * dv[disks]).sum(axis=0), float((m * ev)[disks].sum()), b, c
             )
             if work is None:
@@ -801,7 +803,7 @@ class Auditor:
             return None
         return {"work": float(parts["walls' work"].sum()), "order": float(parts["springs' step"].sum())}
 
-    def _own(self, state: State, use: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    def _body_energies(self, state: State, use: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy of each disk [J], and its error by the digits."""
         bodies, g = self.bodies, self.scene.gravity
         m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
@@ -813,7 +815,7 @@ class Auditor:
             err = err + inertia * (np.abs(state.omega) * state.eo + 0.5 * state.eo**2)
         return np.where(use, own, 0.0), np.where(use, err, 0.0)
 
-    def _moving(self, t0: float, t1: float) -> int:
+    def _moving_walls(self, t0: float, t1: float) -> int:
         """Walls, as bits, that move between two times."""
         poses = [wall_poses(self.motion, t) for t in (t0, 0.5 * (t0 + t1), t1)]
         return sum(
@@ -822,7 +824,7 @@ class Auditor:
             if any((pose[w, :4] != poses[0][w, :4]).any() for pose in poses[1:])
         )
 
-    def _work(
+    def _wall_work(
         self, code: int, disks: NDArray[np.int64], impulse: FloatArray, err: float, b: State, c: State
     ) -> float | None:
         """Most that walls can have worked on disks to which they gave an impulse [J]; None: any amount.
@@ -847,10 +849,10 @@ class Auditor:
                     rays.append(ray)
                     speeds.append(float((velocity @ ray).max()))
         angles = [float(np.arctan2(ray[1], ray[0])) for ray in rays]
-        hull = _hull(angles)
+        hull = _narrowest_cone(angles)
         if hull is None:
             return None
-        impulse = _into(impulse, hull)
+        impulse = _nearest_in_cone(impulse, hull)
         best = -np.inf
         for k in range(len(rays)):
             for other in range(k, len(rays)):
@@ -867,18 +869,18 @@ class Auditor:
             return None
         return max(best, 0.0) + err * max(map(abs, speeds))
 
-    def _state(self, c: State, gain: dict[str, float] | None) -> None:
+    def _check_state(self, c: State, gain: dict[str, float] | None) -> None:
         """One instant: overlaps, totals, and the energy of all disks against the least since the start."""
         scene, bodies = self.scene, self.bodies
         use = c.here & ~bodies.fixed
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
-        own, err = self._own(c, use)
-        store = self._stored(c, mu)
+        own, err = self._body_energies(c, use)
+        store = self._spring_energies(c, mu)
         stored, doubt = float(store["normal"].sum()), float(err.sum() + store["error"].sum())
         low = float(own.sum()) + stored
         known = not (store["unknown"].any() or scene.cohesive)
         high = low + float(store["shear"].sum()) if known else np.inf
-        squeeze = self._squeeze(c)
+        squeeze = self._spring_forces(c)
         dt = scene.dt or (min(self.intervals) if self.intervals else 0.0)
         lag = (
             0.5
@@ -971,7 +973,7 @@ def _heights(x: FloatArray, poses: FloatArray) -> FloatArray:
     return np.asarray(x @ poses[:, 2:4].T - (poses[:, :2] * poses[:, 2:4]).sum(axis=1))
 
 
-def _near(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
+def _close_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
     """Pairs whose distance is at most the sum of their reaches, shape (k, 2); few that reach far do not slow the rest."""
     from scipy.spatial import cKDTree
 
@@ -1016,7 +1018,7 @@ def _of_walls(touch: _Contacts, n: int) -> NDArray[np.bool_]:
     return found
 
 
-def _hull(angles: Sequence[float]) -> tuple[float, float] | None:
+def _narrowest_cone(angles: Sequence[float]) -> tuple[float, float] | None:
     """Narrowest pair of angles that has all others between them, less than a half turn apart; None if there is none."""
     if not angles:
         return None
@@ -1029,7 +1031,7 @@ def _hull(angles: Sequence[float]) -> tuple[float, float] | None:
     return begin, begin + 2.0 * np.pi - float(holes[k])
 
 
-def _outside(vectors: FloatArray, cone: tuple[float, float]) -> FloatArray:
+def _distance_from_cone(vectors: FloatArray, cone: tuple[float, float]) -> FloatArray:
     """Distance of vectors from a cone, 0 inside."""
     low, high = (np.array([np.cos(angle), np.sin(angle)]) for angle in cone)
     inside = (
@@ -1041,9 +1043,9 @@ def _outside(vectors: FloatArray, cone: tuple[float, float]) -> FloatArray:
     return np.where(inside, 0.0, np.minimum(*off))
 
 
-def _into(vector: FloatArray, cone: tuple[float, float]) -> FloatArray:
+def _nearest_in_cone(vector: FloatArray, cone: tuple[float, float]) -> FloatArray:
     """The vector of a cone that is nearest."""
-    if _outside(vector[None], cone)[0] == 0.0:
+    if _distance_from_cone(vector[None], cone)[0] == 0.0:
         return vector
     rays = [np.array([np.cos(angle), np.sin(angle)]) for angle in cone]
     near = [max(float(vector @ ray), 0.0) * ray for ray in rays]

@@ -86,8 +86,8 @@ def write_example(folder: Path) -> list[Path]:
     forces = ["t,i,j,fn,fs"]
     for k, t in enumerate(history.t):
         for i in range(n):
-            told = (*history.x[k, i], *history.v[k, i], history.angle[k, i], history.omega[k, i])
-            rows.append(f"{t:.6g},{i}," + ",".join(f"{value:.9g}" for value in told))
+            given = (*history.x[k, i], *history.v[k, i], history.angle[k, i], history.omega[k, i])
+            rows.append(f"{t:.6g},{i}," + ",".join(f"{value:.9g}" for value in given))
         for column, (i, j) in enumerate(pairs):
             if history.fn[k, column] > 0.0:
                 other = j if j < n else n - 1 - j

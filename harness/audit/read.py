@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 
 Progress = Callable[[int, int, str], None]
 ALIASES = {
@@ -76,7 +76,7 @@ class Rounding:
             found = np.maximum(found, np.where(size > 0.0, 0.5 * 10.0 ** (decade + 1 - self.significant), 0.0))
         return found
 
-    def told(self) -> str:
+    def description(self) -> str:
         """In words."""
         if self.decimals is not None:
             return f"{self.decimals} decimals"
@@ -202,7 +202,7 @@ def _read(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Traj
         return _stacked(path)
     if path.suffix in (".vtk", ".vtp", ".vtu"):
         raise UsageError(f"{str(path)!r} is a single frame: give the folder of the series, or its .pvd")
-    with _opened(path) as stream:
+    with _open_file(path) as stream:
         try:
             head = stream.readline(1 << 16)
         except (OSError, EOFError, zlib.error) as error:
@@ -210,7 +210,7 @@ def _read(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Traj
     return _lammps(path, columns, needed) if head.startswith("ITEM:") else _csv(path, columns, needed)
 
 
-def _opened(path: Path) -> IO[str]:
+def _open_file(path: Path) -> IO[str]:
     try:
         if path.suffix == ".gz":
             return gzip.open(path, "rt", encoding="utf-8", errors="replace")
@@ -219,7 +219,7 @@ def _opened(path: Path) -> IO[str]:
         raise UsageError(f"{str(path)!r} cannot be read ({error.strerror or error})") from error
 
 
-def _renamed(names: Sequence[str], columns: Mapping[str, str], path: Path) -> dict[str, str]:
+def _column_name(names: Sequence[str], columns: Mapping[str, str], path: Path) -> dict[str, str]:
     """Name in the file -> name here."""
     found = {}
     for name, other in columns.items():
@@ -239,11 +239,11 @@ def _renamed(names: Sequence[str], columns: Mapping[str, str], path: Path) -> di
     return found
 
 
-def _need(found: Mapping[str, str], names: Sequence[str], path: Path, needed: Sequence[str] = ("x", "y")) -> None:
+def _require(found: Mapping[str, str], names: Sequence[str], path: Path, needed: Sequence[str] = ("x", "y")) -> None:
     if lacking := [name for name in needed if name not in found.values()]:
         scaled = " (xs and ys are fractions of the box: dump x y or xu yu)" if "xs" in names else ""
         raise UsageError(
-            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {printable(', '.join(names))[:300]}{scaled}: "
+            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {one_line(', '.join(names))[:300]}{scaled}: "
             f'name it in the TOML, [columns] {lacking[0]} = "NAME"'
         )
 
@@ -287,11 +287,13 @@ def _numbers(
     return {name: rows[:, k].copy() for k, name in enumerate(names)}
 
 
-def _sampled(path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str]) -> dict[str, Rounding]:
+def _sample_roundings(
+    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str]
+) -> dict[str, Rounding]:
     """Roundings by tokens of five places of a text."""
     tokens = {name: _Tokens() for name in wanted.values()}
     if path.suffix == ".gz":
-        with _opened(path) as stream:
+        with _open_file(path) as stream:
             texts = [stream.read(5 * SAMPLED)]
     else:
         size = path.stat().st_size
@@ -317,22 +319,22 @@ def _sampled(path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[
 
 
 def _lammps(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
-    with _opened(path) as stream:
+    with _open_file(path) as stream:
         head = next((line for line in islice(stream, 200) if line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES"))), None)
     if head is None:
         raise UsageError(
             f"{path}: no line 'ITEM: ATOMS ...' among the first 200: this is no text dump of LAMMPS (`dump custom`)"
         )
     names = head.split()[2:]
-    found = _renamed(names, columns, path)
-    _need(found, names, path, needed)
+    found = _column_name(names, columns, path)
+    _require(found, names, path, needed)
     timed = False
-    with _opened(path) as stream:
+    with _open_file(path) as stream:
         timed = any(line.startswith("ITEM: TIME\n") for line in islice(stream, 12))
 
     def frames(progress: Progress) -> Iterator[Frame]:
         size = path.stat().st_size
-        with _opened(path) as stream:
+        with _open_file(path) as stream:
             line, done = 0, 0
             step, count, t = -1, -1, np.nan
             while text := stream.readline():
@@ -382,11 +384,13 @@ def _lammps(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Tr
                         raise
                     raise UsageError(f"{path}, line {line + 1}: a number should stand there ({error})") from error
 
-    return Trajectory(path, "LAMMPS dump", frames, _sampled(path, names, None, found), "t" if timed else "step")
+    return Trajectory(
+        path, "LAMMPS dump", frames, _sample_roundings(path, names, None, found), "t" if timed else "step"
+    )
 
 
 def _csv(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
-    with _opened(path) as stream:
+    with _open_file(path) as stream:
         head = stream.readline()
     sep = next((mark for mark in (",", ";", "\t") if mark in head), None)
     names = [word.strip().strip('"') for word in head.lstrip("#").split(sep)]
@@ -394,8 +398,8 @@ def _csv(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Traje
         raise UsageError(
             f"{path}, line 1: {head.strip()[:60]!r} is no line of column names: a table begins with one, e.g. t,id,x,y,vx,vy,omega"
         )
-    found = _renamed(names, columns, path)
-    _need(found, names, path, needed)
+    found = _column_name(names, columns, path)
+    _require(found, names, path, needed)
     if not {"t", "step"} & set(found.values()):
         raise UsageError(
             f'{path}, line 1: neither a column t nor step among {", ".join(names)}: name it in the TOML, [columns] t = "NAME"'
@@ -403,7 +407,7 @@ def _csv(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Traje
 
     def blocks(progress: Progress) -> Iterator[tuple[dict[str, FloatArray], int]]:
         size, done, line = path.stat().st_size, 0, 2
-        with _opened(path) as stream:
+        with _open_file(path) as stream:
             stream.readline()
             while lines := list(islice(stream, ROWS)):
                 while lines and not lines[-1].strip():
@@ -415,7 +419,7 @@ def _csv(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Traje
                 line += len(lines)
 
     clock = "t" if "t" in found.values() else "step"
-    return Trajectory(path, "table", _by_frame(blocks, clock, path), _sampled(path, names, sep, found), clock)
+    return Trajectory(path, "table", _by_frame(blocks, clock, path), _sample_roundings(path, names, sep, found), clock)
 
 
 def _parquet(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
@@ -427,8 +431,8 @@ def _parquet(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> T
     except (OSError, pa.ArrowInvalid) as error:
         raise UsageError(f"{path} is no Parquet file that can be read ({error}): give {FORMS}") from error
     names = list(file.schema_arrow.names)
-    found = _renamed(names, columns, path)
-    _need(found, names, path, needed)
+    found = _column_name(names, columns, path)
+    _require(found, names, path, needed)
     clock = "t" if "t" in found.values() else "step"
     if clock not in found.values():
         raise UsageError(f"{path}: neither a column t nor step among {', '.join(names)}")
@@ -510,7 +514,7 @@ def _stacked(path: Path) -> Trajectory:
             names = {name: array[k] for name, array in data.items() if name in ("x", "v", "omega", "angle")}
             names |= {name: np.broadcast_to(data[name], x.shape[1:2]) for name in ("radius", "mass") if name in data}
             step = int(data["step"][k]) if "step" in data else k
-            yield Frame(step, float(t[k]), _spread(names), f"row {k}")
+            yield Frame(step, float(t[k]), _vector_columns(names), f"row {k}")
 
     return Trajectory(path, "NumPy arrays", frames, _binary(data), "t")
 
@@ -522,7 +526,7 @@ def _binary(data: Mapping[str, NDArray[Any]]) -> dict[str, Rounding]:
     }
 
 
-def _spread(arrays: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
+def _vector_columns(arrays: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
     """Vectors as columns of their components."""
     made: dict[str, FloatArray] = {}
     for name, array in arrays.items():
@@ -548,7 +552,7 @@ def _archive(path: Path) -> dict[str, NDArray[Any]]:
 
 def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
     """A folder of files with a frame each."""
-    files, times = _listed(path)
+    files, times = _series_files(path)
     kind = files[0].suffix
 
     def raw(file: Path) -> dict[str, NDArray[Any]]:
@@ -567,8 +571,8 @@ def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
         rounding = _binary(raw(files[0]))
     else:
         names = list(raw(files[0]))
-        found = _renamed(names, columns, files[0])
-        _need(found, names, files[0])
+        found = _column_name(names, columns, files[0])
+        _require(found, names, files[0])
         rounding = {}
         for k in chosen:
             values, printed = (_legacy if kind == ".vtk" else _xml)(files[k])
@@ -585,7 +589,7 @@ def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
             progress(k, len(files), file.name)
             data = raw(file)
             if kind == ".npz":
-                part, t = _spread(data), float(data["t"]) if "t" in data else np.nan
+                part, t = _vector_columns(data), float(data["t"]) if "t" in data else np.nan
             else:
                 if missing := [name for name in found if name not in data]:
                     raise UsageError(f"{file}: there is no array {missing[0]!r}, which the first frame has")
@@ -603,7 +607,7 @@ def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
     return Trajectory(path, form, frames, rounding, "t" if timed or np.isfinite(times).all() else "index")
 
 
-def _listed(path: Path) -> tuple[list[Path], list[float]]:
+def _series_files(path: Path) -> tuple[list[Path], list[float]]:
     """Files of a series in the order of time, and the times if an index tells them."""
     index = path if path.suffix == ".pvd" else path / "frames.pvd"
     if path.suffix == ".pvd" or (index.exists() and any(path.glob("*.vtp"))):
@@ -757,7 +761,7 @@ def _xml(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
                     offset = int(array.attrib.get("offset", "0"))
                     there = array.attrib.get("format") == "appended"
                     source = raw[offset:] if there and raw else (tail[offset:] if there else (array.text or "").strip())
-                    values = np.frombuffer(_decoded(source, width, order, packed), dtype=kind)
+                    values = np.frombuffer(_decode(source, width, order, packed), dtype=kind)
                 if len(values) != parts * count:
                     raise UsageError(f"{path}, array {name}: {len(values)} numbers, expected {parts * count}")
                 named = _split(name, values, parts)
@@ -774,7 +778,7 @@ def _xml(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
     return data, printed
 
 
-def _decoded(source: str | bytes, width: int, order: str, packed: bool) -> bytes:
+def _decode(source: str | bytes, width: int, order: str, packed: bool) -> bytes:
     """Bytes of a binary array: after its length, or, packed, after the number and sizes of blocks."""
     form = order + ("Q" if width == 8 else "I")
 

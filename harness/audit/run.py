@@ -52,14 +52,14 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     auditor: Auditor | None = None
     kept: list[State] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for state in _whole(trajectory.path, states.all(progress)):
+        for state in _guarded_states(trajectory.path, states.all(progress)):
             if auditor is None:
                 assert states.bodies is not None
                 auditor = Auditor(
                     scene,
                     states.bodies,
                     has_velocity=states.has_velocity,
-                    digits={name: rule.told() for name, rule in trajectory.rounding.items()},
+                    digits={name: rule.description() for name, rule in trajectory.rounding.items()},
                 )
             auditor.feed(state)
             if scene.reverse is not None:
@@ -71,11 +71,11 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     tallies = auditor.tallies | states.tallies
     tallies["cone"] = _cone(scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    found: dict[str, Any] = _plain(_record(path, trajectory, scene, auditor, tallies))
+    found: dict[str, Any] = _json_value(_record(path, trajectory, scene, auditor, tallies))
     return found
 
 
-def _whole(path: Path, states: Iterator[State]) -> Iterator[State]:
+def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
     """The same states; a file that breaks off within is the user's to mend."""
     try:
         yield from states
@@ -109,11 +109,11 @@ class _States:
             window.append(state)
             if len(window) == 3:
                 if window[0] is first:
-                    yield _differenced(window[0], window[1], window[0], self.scene.gravity, one_sided=True)
-                yield _differenced(window[0], window[2], window[1], self.scene.gravity)
+                    yield _difference_velocities(window[0], window[1], window[0], self.scene.gravity, one_sided=True)
+                yield _difference_velocities(window[0], window[2], window[1], self.scene.gravity)
                 del window[0]
         if len(window) == 2:
-            yield _differenced(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
+            yield _difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
 
     def _state(self, number: int, frame: Frame) -> State:
         columns = frame.columns
@@ -158,8 +158,8 @@ class _States:
             eo=rounding("omega", omega), ea=rounding("angle", angle), here=present.copy(),
         )  # fmt: skip
         self._numbers(state, columns, present)
-        self._census(state, len(here) - len(unique), int((~known).sum()), present, here)
-        self._clock(state)
+        self._check_ids(state, len(here) - len(unique), int((~known).sum()), present, here)
+        self._check_times(state)
         return state
 
     def _time(self, number: int, frame: Frame) -> tuple[float, float]:
@@ -181,17 +181,17 @@ class _States:
         arrays = [state.x[:, 0], state.x[:, 1], state.v[:, 0], state.v[:, 1]]
         arrays += [each for each in (state.omega, state.angle) if each is not None]
         wrong = present & ~(np.abs(arrays) < LARGEST).all(axis=0)
-        told = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
+        given = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
         self.tallies["finite"].judge(
             state,
             np.array([float(sum(bad.values()))]),
             {"none is allowed": np.zeros(1)},
-            lambda _: told or "all",
+            lambda _: given or "all",
             lambda _: np.flatnonzero(wrong),
         )
         state.here[wrong] = False
 
-    def _census(
+    def _check_ids(
         self, state: State, doubled: int, new: int, present: NDArray[np.bool_], here: NDArray[np.int64]
     ) -> None:
         assert self.bodies is not None
@@ -214,7 +214,7 @@ class _States:
             lambda _: np.flatnonzero(lost),
         )  # fmt: skip
 
-    def _clock(self, state: State) -> None:
+    def _check_times(self, state: State) -> None:
         if self._before is not None:
             before = self._before
             back = before - state.t if np.isfinite(state.t) else np.inf
@@ -230,20 +230,22 @@ class _States:
 def _bodies(path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapping[str, FloatArray]) -> Bodies:
     unique, first = np.unique(ids, return_index=True)
 
-    def fact(name: str, told: Fact | None) -> FloatArray | None:
+    def fact(name: str, given: Fact | None) -> FloatArray | None:
         """What the TOML tells, else the file."""
-        if told is None:
+        if given is None:
             return columns[name][first] if name in columns else None
-        if isinstance(told, Mapping):
+        if isinstance(given, Mapping):
             if "type" not in columns:
                 raise UsageError(
                     f"disks.{name} is told by type, and {path} has no column type: give a number or a list"
                 )
             kinds = columns["type"][first].astype(int)
-            if missing := sorted(set(kinds.tolist()) - set(told)):
-                raise UsageError(f"disks.{name} tells nothing of type {missing[0]}: it has {', '.join(map(str, told))}")
-            return np.array([told[kind] for kind in kinds])
-        array = np.broadcast_to(np.asarray(told, dtype=float), np.shape(told) or (len(unique),))
+            if missing := sorted(set(kinds.tolist()) - set(given)):
+                raise UsageError(
+                    f"disks.{name} tells nothing of type {missing[0]}: it has {', '.join(map(str, given))}"
+                )
+            return np.array([given[kind] for kind in kinds])
+        array = np.broadcast_to(np.asarray(given, dtype=float), np.shape(given) or (len(unique),))
         if len(array) != len(unique):
             raise UsageError(
                 f"disks.{name} has {len(array)} numbers, and {path} begins with {len(unique)} disks: give one for each, ids in order"
@@ -270,7 +272,9 @@ def _bodies(path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapp
     return Bodies(unique, radius, mass, scene.inertia * mass * radius**2, np.isin(unique, scene.fixed))
 
 
-def _differenced(before: State, after: State, at: State, gravity: FloatArray, *, one_sided: bool = False) -> State:
+def _difference_velocities(
+    before: State, after: State, at: State, gravity: FloatArray, *, one_sided: bool = False
+) -> State:
     """Velocity by differences: exact in free flight; elsewhere off by at most half of what the velocity changes in their span."""
     span = max(after.t - before.t, 1e-300)
     v = (after.x - before.x) / span
@@ -299,8 +303,8 @@ def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally
         j = columns.get("j", np.zeros(len(fn)))
         mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)
         for w in range(n_walls):
-            told = scene.wall_mu[w]
-            mu[j == -1 - w] = np.nan if told is None else told
+            given = scene.wall_mu[w]
+            mu[j == -1 - w] = np.nan if given is None else given
         rules = {name: file.rounding.get(name, Rounding()) for name in ("fn", "fs")}
         en, es = rules["fn"].error(np.nan_to_num(fn)), rules["fs"].error(np.nan_to_num(fs))
         known = np.isfinite(mu) & np.isfinite(fn) & np.isfinite(fs)
@@ -357,7 +361,7 @@ def _reversal(
     ex = ev = 0.0
     number = 0
     growth = auditor._growth[::-1]
-    for state in _whole(scene.reverse, back.all(progress)):
+    for state in _guarded_states(scene.reverse, back.all(progress)):
         if begin is None:
             begin = state.t
             if not back.has_velocity or back.bodies is None or not np.array_equal(back.bodies.id, auditor.bodies.id):
@@ -407,7 +411,7 @@ def _record(
         state = tallies[check["id"]].scene
         if check["verdict"] == VIOLATED and state is not None and len(state.x) and state.here.any():
             pictures[check["id"]] = _picture(state, check["worst"]["disks"], bodies, auditor)
-    totals = _thinned([{name: float(np.nan_to_num(value)) for name, value in row.items()} for row in auditor.totals])
+    totals = _thin([{name: float(np.nan_to_num(value)) for name, value in row.items()} for row in auditor.totals])
     steps = auditor.intervals
     return {
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
@@ -421,16 +425,16 @@ def _record(
     }  # fmt: skip
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """The same data with None for what is no finite number."""
     if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
+        return {name: _json_value(each) for name, each in value.items()}
     if isinstance(value, list):
-        return [_plain(each) for each in value]
+        return [_json_value(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _thinned(rows: list[dict[str, float]]) -> list[dict[str, float]]:
+def _thin(rows: list[dict[str, float]]) -> list[dict[str, float]]:
     every = -(-len(rows) // POINTS)
     return rows if every <= 1 else [*rows[::every], *([rows[-1]] if (len(rows) - 1) % every else [])]
 
@@ -450,12 +454,12 @@ def _check(tally: Tally, auditor: Auditor) -> dict[str, Any]:
     return {
         "id": tally.name, "title": title, "unit": unit, "verdict": verdict, "judged": tally.judged, "undecided": tally.undecided,
         "beyond": tally.beyond, "why_not": why_not, "first": tally.first or {}, "worst": worst,
-        "said": _said(tally, verdict, unit, why_not) + hint,
-        "series": _worst_of(tally.series),
+        "said": _verdict_text(tally, verdict, unit, why_not) + hint,
+        "series": _worst_ratio(tally.series),
     }  # fmt: skip
 
 
-def _worst_of(series: list[tuple[float, float, float]]) -> list[list[float]]:
+def _worst_ratio(series: list[tuple[float, float, float]]) -> list[list[float]]:
     """Of each stretch the instant with the largest value over its allowance."""
     by_time: dict[float, tuple[float, float, float]] = {}
 
@@ -471,7 +475,7 @@ def _worst_of(series: list[tuple[float, float, float]]) -> list[list[float]]:
     return [list(row) for row in found]
 
 
-def _said(tally: Tally, verdict: str, unit: str, why_not: list[str]) -> str:
+def _verdict_text(tally: Tally, verdict: str, unit: str, why_not: list[str]) -> str:
     """The verdict in words."""
     if verdict == UNDECIDED:
         return "not decidable: " + ("; ".join(why_not) or "nothing to compare")

@@ -133,7 +133,7 @@ class _Reader:
 
     def wrong(self, where: str, key: str, value: Any, allowed: str) -> UsageError:
         """The error of a value."""
-        return UsageError(f"{self.place(where, key)}: {_dotted(where, key)} = {value!r} is not allowed: {allowed}")
+        return UsageError(f"{self.place(where, key)}: {_dotted_key(where, key)} = {value!r} is not allowed: {allowed}")
 
     def place(self, where: str, key: str) -> str:
         """File, line and column of a key, as well as they can be told."""
@@ -157,7 +157,7 @@ class _Reader:
         for key in data:
             if key not in KEYS[where]:
                 raise UsageError(
-                    f"{self.place(where, key)}: {_dotted(where, key)} is no key of an audit: allowed are "
+                    f"{self.place(where, key)}: {_dotted_key(where, key)} is no key of an audit: allowed are "
                     f"{', '.join(KEYS[where])}.{close_matches(key, KEYS[where])}"
                 )
 
@@ -197,8 +197,10 @@ class _Reader:
         value = data.get(key)
         if value is None:
             return None
-        told = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
-        right = told and all(isinstance(v, int | float) and not isinstance(v, bool) and 0.0 < v < np.inf for v in told)
+        given = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else [value]
+        right = given and all(
+            isinstance(v, int | float) and not isinstance(v, bool) and 0.0 < v < np.inf for v in given
+        )
         if not right or (isinstance(value, dict) and not all(re.fullmatch(r"\d+", name) for name in value)):
             raise self.wrong(
                 where,
@@ -220,7 +222,7 @@ class _Reader:
         return dict(data)
 
 
-def _dotted(where: str, key: str) -> str:
+def _dotted_key(where: str, key: str) -> str:
     return f"{where}.{key}" if where else key
 
 
@@ -276,19 +278,19 @@ def read_scene(path: Path) -> AuditScene:
         cohesive=reader.flag(contact, "contact", "cohesive"),
         rolling=reader.flag(contact, "contact", "rolling"),
         walls=tuple(wall for wall, _ in walls),
-        wall_mu=tuple(told["mu"] for _, told in walls),
-        wall_kn=tuple(told["kn"] for _, told in walls),
-        wall_ks=tuple(told["ks"] for _, told in walls),
+        wall_mu=tuple(given["mu"] for _, given in walls),
+        wall_kn=tuple(given["kn"] for _, given in walls),
+        wall_ks=tuple(given["ks"] for _, given in walls),
         columns=reader.names(reader.table(data, "", "columns"), "columns", COLUMNS),
         contact_columns=reader.names(reader.table(forces, "contacts", "columns"), "columns", CONTACT_COLUMNS),
-        contacts=_beside(reader, forces, "contacts", "file"),
-        reverse=_beside(reader, data, "", "reverse"),
+        contacts=_companion_file(reader, forces, "contacts", "file"),
+        reverse=_companion_file(reader, data, "", "reverse"),
         open=reader.flag(data, "", "open"),
         single=reader.flag(data, "", "single"),
     )
 
 
-def _beside(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> Path | None:
+def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> Path | None:
     value = data.get(key)
     if value is None:
         return None
@@ -299,14 +301,14 @@ def _beside(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> P
 
 
 def _walls(
-    reader: _Reader, told: Any, common: Mapping[str, float | None]
+    reader: _Reader, given: Any, common: Mapping[str, float | None]
 ) -> list[tuple[Wall, dict[str, float | None]]]:
-    if not isinstance(told, list) or not all(isinstance(wall, dict) for wall in told):
+    if not isinstance(given, list) or not all(isinstance(wall, dict) for wall in given):
         raise reader.wrong(
-            "", "walls", told, "write one [[walls]] table a wall: name, point, normal, and mu, motion if any"
+            "", "walls", given, "write one [[walls]] table a wall: name, point, normal, and mu, motion if any"
         )
     made = []
-    for number, wall in enumerate(told):
+    for number, wall in enumerate(given):
         reader.known(wall, "walls")
         name = wall.get("name", f"wall {number}")
         if lacking := [key for key in ("point", "normal") if key not in wall]:

@@ -48,12 +48,12 @@ from ninedisk.harness.bench.measure import (
     Contender,
     Measured,
     NotReachedError,
+    Reporter,
     Sample,
-    Tell,
-    ask,
-    cores,
+    ask_driver,
     interleave,
     timings,
+    usable_cores,
 )
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, package_version, system_python
@@ -228,12 +228,12 @@ def solvers() -> list[Solver]:
     return [
         Solver("interior-point", "associated", _interior, version=own),
         Solver("gauss-seidel", "associated", _gauss_seidel(1.0), version=own, sweeps=True),
-        *_on_two_cores("gauss-seidel", "associated", 1.0, own),
+        *_with_two_cores("gauss-seidel", "associated", 1.0, own),
         Solver("clarabel", "associated", _quadratic("clarabel"), warm=False, version=qp["clarabel"]),
         Solver("piqp", "associated", _quadratic("piqp"), warm=False, version=qp["piqp"]),
         Solver("gauss-seidel, Coulomb", "coulomb", _gauss_seidel(1.0), version=own, sweeps=True),
         Solver("gauss-seidel 1.5, Coulomb", "coulomb", _gauss_seidel(1.5), version=own, sweeps=True),
-        *_on_two_cores("gauss-seidel 1.5, Coulomb", "coulomb", 1.5, own),
+        *_with_two_cores("gauss-seidel 1.5, Coulomb", "coulomb", 1.5, own),
         Solver("interior-point, Coulomb", "coulomb", _coulomb, warm=False, version=own),
         Solver(
             "siconos nsgs, Coulomb",
@@ -247,9 +247,9 @@ def solvers() -> list[Solver]:
     ]
 
 
-def _on_two_cores(name: str, sliding: Sliding, relaxation: float, version: str) -> list[Solver]:
+def _with_two_cores(name: str, sliding: Sliding, relaxation: float, version: str) -> list[Solver]:
     """Gauss-Seidel with two threads, where there are two cores."""
-    if cores() < 2:
+    if usable_cores() < 2:
         return []
     solve = _gauss_seidel(relaxation, threads=2)
     return [Solver(f"{name}, 2 threads", sliding, solve, version=version, sweeps=True, threads=2)]
@@ -272,7 +272,7 @@ def facts_of(task: Task, r: FloatArray, iterations: int) -> dict[str, Any]:
     }
 
 
-def _own(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult], **more: Any) -> Sample:
+def _own_solver(task: Task, limit: float, solve: Callable[[SolverOptions], SolverResult], **more: Any) -> Sample:
     options = SolverOptions(tolerance=task.tolerance, time_limit=limit, **more)
     begin = time.perf_counter()
     try:
@@ -290,7 +290,7 @@ def _interior(task: Task, limit: float) -> Sample:
     def with_options(options: SolverOptions) -> SolverResult:
         return InteriorPoint(options).solve(task.problem, start=task.start)
 
-    return _own(task, limit, with_options)
+    return _own_solver(task, limit, with_options)
 
 
 def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float], Sample]:
@@ -298,13 +298,13 @@ def _gauss_seidel(relaxation: float, threads: int = 1) -> Callable[[Task, float]
         def with_options(options: SolverOptions) -> SolverResult:
             return solve_gauss_seidel(task.problem, options, sliding=task.sliding, start=task.start)
 
-        return _own(task, limit, with_options, relaxation=relaxation, threads=threads, max_iterations=UNBOUNDED)
+        return _own_solver(task, limit, with_options, relaxation=relaxation, threads=threads, max_iterations=UNBOUNDED)
 
     return solve
 
 
 def _coulomb(task: Task, limit: float) -> Sample:
-    return _own(task, limit, lambda options: ProximalPoint(options).solve(task.problem))
+    return _own_solver(task, limit, lambda options: ProximalPoint(options).solve(task.problem))
 
 
 def _quadratic(name: str) -> Callable[[Task, float], Sample]:
@@ -318,9 +318,9 @@ def _quadratic(name: str) -> Callable[[Task, float], Sample]:
 
         def ask(own: float, left: float) -> dict[str, Any]:
             request = {"solver": name, "problem": str(task.file), "tolerance": own, "time_limit": left}
-            return _asked(command, request, left)
+            return _ask_driver(command, request, left)
 
-        return _tightened(task, needed, ask, limit)
+        return _tighten_until_met(task, needed, ask, limit)
 
     return solve
 
@@ -338,12 +338,12 @@ class _Siconos:
             sweeps = max(10, int(left / (SICONOS_SWEEP * task.problem.n_contacts)))
             request = {"problem": str(task.file), "tolerance": own, "max_iterations": sweeps}
             command = system_python(str(DRIVERS / "siconos_bench.py"))
-            return _asked(command, request, 2.0 * left, clean_environment())
+            return _ask_driver(command, request, 2.0 * left, clean_environment())
 
-        return _tightened(task, self._needed, ask, limit)
+        return _tighten_until_met(task, self._needed, ask, limit)
 
 
-def _tightened(
+def _tighten_until_met(
     task: Task,
     needed: dict[tuple[Path, float], float],
     ask: Callable[[float, float], dict[str, Any]],
@@ -363,7 +363,7 @@ def _tightened(
         if facts["reached"]:
             needed[key] = own
             return Sample(seconds=facts["seconds"], facts=facts)
-        if best and not _closer(facts, best):
+        if best and not _closer_tolerance(facts, best):
             break
         best, own, left = facts, own * TIGHTER, left - facts["seconds"]
     raise NotReachedError(
@@ -373,15 +373,15 @@ def _tightened(
     )
 
 
-def _closer(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def _closer_tolerance(one: dict[str, Any], other: dict[str, Any]) -> bool:
     return bool(max(one["natural_map"], one["duality_gap"]) < max(other["natural_map"], other["duality_gap"]))
 
 
-def _asked(
+def _ask_driver(
     command: Sequence[str], request: Mapping[str, Any], limit: float, environment: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
-        return ask(command, request, Path(folder), limit=limit + START_UP, environment=environment)
+        return ask_driver(command, request, Path(folder), limit=limit + START_UP, environment=environment)
 
 
 @cache
@@ -451,15 +451,15 @@ def program(problem: ContactProblem) -> Program:
     motion = 1.0 / np.sqrt(problem.mass.ravel()[free])
     pull = sp.diags_array(motion) @ problem.jacobian()[:, free].T @ rays
     offset = problem.offset - problem.compliance * np.column_stack([np.zeros(c), problem.shear_0])
-    load, room = motion * problem.force.ravel()[free], rays.T @ offset.ravel()
+    load, slack = motion * problem.force.ravel()[free], rays.T @ offset.ravel()
     n = len(free)
     soft = rays.T @ sp.diags_array(problem.compliance.ravel()) @ rays
-    size = max(float(np.linalg.norm(load)), float(np.linalg.norm(np.minimum(room, 0.0))), 1e-300)
+    size = max(float(np.linalg.norm(load)), float(np.linalg.norm(np.minimum(slack, 0.0))), 1e-300)
     return Program(
         problem=problem,
         quadratic=sp.csc_matrix(sp.block_diag([sp.eye_array(n), soft])),
         equality=sp.csc_matrix(sp.hstack([sp.eye_array(n), -pull])),
-        linear=np.append(np.zeros(n), room) / size,
+        linear=np.append(np.zeros(n), slack) / size,
         right=load / size,
         n=n,
         _free=free,
@@ -476,19 +476,19 @@ def run_problem(
     *,
     repeats: int,
     time_limit: float,
-    tell: Tell,
+    notify: Reporter,
 ) -> Iterator[list[Row]]:
     """Rows of one problem, cold and warm, one tolerance after the other.
 
     A solver that misses a tolerance is not asked for a tighter one.
     """
     warm_up()
-    tell("making the problem")
+    notify("making the problem")
     problem = make()
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
         file = Path(folder) / "problem.npz"  # what other processes read
         problem.save(file)
-        yield from _rows(name, problem, file, solvers, repeats=repeats, time_limit=time_limit, tell=tell)
+        yield from _rows(name, problem, file, solvers, repeats=repeats, time_limit=time_limit, notify=notify)
 
 
 def _rows(
@@ -499,10 +499,10 @@ def _rows(
     *,
     repeats: int,
     time_limit: float,
-    tell: Tell,
+    notify: Reporter,
 ) -> Iterator[list[Row]]:
     _ = problem.b, problem.rho, problem.blocks  # made once, by nobody's clock
-    tell("reference solutions")
+    notify("reference solutions")
     optimum = _solution(problem, time_limit)
     near = _solution(turned_gravity(problem), time_limit)
     best = None if optimum is None else problem.objective(optimum)
@@ -522,7 +522,7 @@ def _rows(
                 ],
                 repeats=repeats,
                 time_limit=time_limit,
-                tell=lambda text, start=start, tolerance=tolerance: tell(f"{start}, {tolerance:g}: {text}"),  # type: ignore[misc]
+                notify=lambda text, start=start, tolerance=tolerance: notify(f"{start}, {tolerance:g}: {text}"),  # type: ignore[misc]
             )
             head = {"problem": name, "disks": problem.n_bodies, "start": start, "tolerance": tolerance}
             measured = [(solver, found[solver.name], found.get(BASE[solver.sliding])) for solver in alive]

@@ -29,7 +29,7 @@ from ninedisk.core.errors import InvalidSceneError, SolverNotConvergedError
 from ninedisk.harness.api.engine import EngineError, EngineNotInstalledError
 from ninedisk.harness.bench import problem_set
 from ninedisk.harness.bench.cd import SICONOS_SWEEP, START_UP, lattice, resting
-from ninedisk.harness.bench.measure import DRIVERS, Measured, Sample, Tell, on_cores, timings
+from ninedisk.harness.bench.measure import DRIVERS, Measured, Reporter, Sample, on_cores, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.engines.process import SYSTEM_PYTHON, clean_environment, package_version, system_python
 from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
@@ -106,12 +106,12 @@ def racers() -> list[Racer]:
     own, siconos = ninedisk.__version__, installed_siconos(SYSTEM_PYTHON)[0] or ""
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
-        Racer(BASE["coulomb"], "coulomb", partial(_own, "coulomb"), own),
+        Racer(BASE["coulomb"], "coulomb", partial(_own_solver, "coulomb"), own),
         Racer("siconos nsgs", "coulomb", partial(_siconos, "NSGS"), siconos, matrix="sparse blocks of 2 x 2"),
         # A direct method: its tolerance judges the answer and does not change it.
         Racer("siconos lemke", "coulomb", partial(_siconos, "LEMKE"), siconos, (1e-12,), DENSE, "dense matrix"),
         Racer("siconos cpg", "coulomb", partial(_siconos, "CPG"), siconos, LADDER, DENSE, "dense matrix"),
-        Racer(BASE["associated"], "associated", partial(_own, "associated"), own),
+        Racer(BASE["associated"], "associated", partial(_own_solver, "associated"), own),
         *(Racer(name, "associated", partial(_quadratic, name), version) for name, version in qp.items()),
     ]
 
@@ -126,11 +126,11 @@ def judge(problem: ContactProblem, r: FloatArray, sliding: Sliding) -> Errors:
         return errors_of_motion(*planar, problem.mu, r, associated=sliding == "associated")
 
 
-def _own(sliding: Sliding, jobs: Sequence[Job], limit: float) -> list[Climb]:
-    return [_own_climb(sliding, job, limit) for job in jobs]
+def _own_solver(sliding: Sliding, jobs: Sequence[Job], limit: float) -> list[Climb]:
+    return [_climb_own_solver(sliding, job, limit) for job in jobs]
 
 
-def _own_climb(sliding: Sliding, job: Job, limit: float) -> Climb:
+def _climb_own_solver(sliding: Sliding, job: Job, limit: float) -> Climb:
     found: list[Attempt] = []
     for tolerance in job.tolerances:
         begin = time.perf_counter()
@@ -169,22 +169,24 @@ def _siconos(name: str, jobs: Sequence[Job], limit: float) -> list[Climb]:
         {**_request(job, 2.0 * limit, "coulomb"), "solver": name, "max_iterations": most(job.problem.n_contacts)}
         for job in jobs
     ]
-    return _asked(system_python(str(DRIVERS / "siconos_bench.py"), "--race"), requests, clean_environment())
+    return _ask_driver(system_python(str(DRIVERS / "siconos_bench.py"), "--race"), requests, clean_environment())
 
 
 def _quadratic(name: str, jobs: Sequence[Job], limit: float) -> list[Climb]:
     if package_version(name)[0] is None:
         raise EngineNotInstalledError(f"{name} is not installed: pip install {name}")
     requests = [{**_request(job, limit, "associated"), "solver": name} for job in jobs]
-    return _asked([sys.executable, "-P", "-s", str(DRIVERS / "qp_bench.py"), "--race"], requests, None)
+    return _ask_driver([sys.executable, "-P", "-s", str(DRIVERS / "qp_bench.py"), "--race"], requests, None)
 
 
 def _request(job: Job, limit: float, sliding: Sliding) -> dict[str, Any]:
-    told = {"problem": str(job.file), "tolerances": job.tolerances, "until": job.until, "limit": limit}
-    return {**told, "associated": sliding == "associated"}
+    given = {"problem": str(job.file), "tolerances": job.tolerances, "until": job.until, "limit": limit}
+    return {**given, "associated": sliding == "associated"}
 
 
-def _asked(command: Sequence[str], requests: list[dict[str, Any]], environment: dict[str, str] | None) -> list[Climb]:
+def _ask_driver(
+    command: Sequence[str], requests: list[dict[str, Any]], environment: dict[str, str] | None
+) -> list[Climb]:
     """Climbs of a driver; where one answer takes too long, or crashes it, a new process goes on with the next problem."""
     found: list[Climb] = []
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-", ignore_cleanup_errors=True) as folder:
@@ -239,14 +241,14 @@ class _Judged:
 
 
 def run_state(
-    family: str, disks: int, racers: Sequence[Racer], *, repeats: int, time_limit: float, tell: Tell
+    family: str, disks: int, racers: Sequence[Racer], *, repeats: int, time_limit: float, notify: Reporter
 ) -> Iterator[list[Row]]:
     """Rows of the problems of one state: one for each problem, solver and target."""
-    tell("making the problems")
+    notify("making the problems")
     try:
-        kept = problem_set.kept_state(family, disks, seed=SEED)
+        kept = problem_set.stored_state(family, disks, seed=SEED)
     except InvalidSceneError as error:
-        tell(f"left out: {error}")
+        notify(f"left out: {error}")
         return
     problems = [ContactProblem.load(file) for file, _ in kept]
     for problem in problems:
@@ -256,14 +258,14 @@ def run_state(
     seconds: dict[tuple[str, int, float], list[float]] = {}
     for repeat in range(repeats):
         for racer in racers:
-            tell(f"{racer.name}, repeat {repeat + 1} of {repeats}")
+            notify(f"{racer.name}, repeat {repeat + 1} of {repeats}")
             if repeat == 0:
                 whole = [
                     Job(problem, file, racer.ladder, TOLERANCES[-1])
                     for problem, (file, _) in zip(problems, kept, strict=True)
                 ]
                 judged[racer.name] = _first(racer, whole, time_limit)
-            needed = [_needed(its, time_limit) for its in judged[racer.name]]
+            needed = [_needed_tolerances(its, time_limit) for its in judged[racer.name]]
             again = {k: its.climb for k, its in enumerate(judged[racer.name])}
             if repeat:  # the same answers, for their times alone
                 jobs = {
@@ -307,7 +309,7 @@ def _climbs(racer: Racer, jobs: list[Job], limit: float) -> list[Climb]:
     ]
 
 
-def _needed(its: _Judged, limit: float) -> dict[float, float]:
+def _needed_tolerances(its: _Judged, limit: float) -> dict[float, float]:
     """Own tolerance by target, of those that are met."""
     found = {target: its.first(target, limit) for target in TOLERANCES}
     return {target: its.climb.attempts[k].own for target, k in found.items() if k is not None}
@@ -326,7 +328,7 @@ def _warm_up(racers: Sequence[Racer]) -> None:
 
 def _row(
     problem: ContactProblem,
-    told: dict[str, Any],
+    given: dict[str, Any],
     racer: Racer,
     its: _Judged,
     seconds: dict[tuple[str, int, float], list[float]],
@@ -336,11 +338,11 @@ def _row(
 ) -> Row:
     row: Row = {
         "suite": "coulomb",
-        "problem": Path(told["file"]).stem,
+        "problem": Path(given["file"]).stem,
         "engine": racer.name,
         "engine_version": racer.version,
         "threads": 1,
-        "disks": told["disks"],
+        "disks": given["disks"],
         "contacts": problem.n_contacts,
         "start": racer.sliding,
         "tolerance": target,
@@ -351,7 +353,7 @@ def _row(
     met = its.first(target, limit)
     # Of answers that miss the target: the best one.
     shown = met if met is not None else min(range(len(errors)), key=lambda k: errors[k].worst, default=None)
-    more: dict[str, Any] = {"problem sha256": told["sha256"], "time limit [s]": limit}
+    more: dict[str, Any] = {"problem sha256": given["sha256"], "time limit [s]": limit}
     if racer.matrix:
         more["matrix"] = racer.matrix
     if shown is not None:
@@ -363,7 +365,7 @@ def _row(
             "errors": {name: value if np.isfinite(value) else str(value) for name, value in one._asdict().items()},
         }
     if met is not None:
-        own, base = (_measured(seconds.get((name, number, target), [])) for name in (racer.name, BASE[racer.sliding]))
+        own, base = (_timed_row(seconds.get((name, number, target), [])) for name in (racer.name, BASE[racer.sliding]))
         return new_row(
             **row, settings=json.dumps(more), **{**timings(own, base, BASE[racer.sliding]), "status": "pass"}
         )
@@ -378,5 +380,5 @@ def _row(
     return new_row(**row, settings=json.dumps(more), status=its.climb.status, reason=why)
 
 
-def _measured(seconds: list[float]) -> Measured:
+def _timed_row(seconds: list[float]) -> Measured:
     return Measured(tuple(Sample(seconds=each) for each in seconds), "pass", "")

@@ -36,13 +36,13 @@ from ninedisk.harness.bench.measure import (
     DRIVERS,
     Contender,
     Measured,
+    Reporter,
     Sample,
-    Tell,
-    ask,
-    cores,
+    ask_driver,
     installed,
     interleave,
     timings,
+    usable_cores,
 )
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.cases.matched import with_slip_at
@@ -125,7 +125,7 @@ class DemProblem:
         """Difference of the last positions from the in-house run."""
         return position_error(sample, ours, self.scene.bodies.x)
 
-    told: ClassVar[str] = "positions, over the largest displacement,"
+    error_of: ClassVar[str] = "positions, over the largest displacement,"
     """What `error` compares."""
 
     def numerics(self) -> Numerics:
@@ -140,12 +140,12 @@ class DemProblem:
         return replace(self, scene=scene.replace(disk_disk=law, walls=tuple(turned)))
 
 
-def makers(
-    sizes: list[int], wanted: Callable[[str], bool], tell: Callable[[int, int], None] | None = None
+def problem_makers(
+    sizes: list[int], wanted: Callable[[str], bool], notify: Callable[[int, int], None] | None = None
 ) -> dict[str, Callable[[], list[DemProblem]]]:
     """A maker of the wanted problems of each size, by the first one's name: one size at a time is held in memory."""
     return {
-        names[0]: partial(_of_size, n, names, tell)
+        names[0]: partial(_problem_of_size, n, names, notify)
         for n in dict.fromkeys(sizes)
         if (names := [name for name in _names(n) if wanted(name)])
     }
@@ -157,10 +157,10 @@ def _names(n: int) -> list[str]:
     return [*names, *([f"flowing-{n}"] if FLOWS_FROM <= n <= SIZES[-1] else [])]
 
 
-def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) -> list[DemProblem]:
+def _problem_of_size(n: int, names: list[str], notify: Callable[[int, int], None] | None) -> list[DemProblem]:
     from ninedisk.core.dem.critical import critical_time_step
 
-    settled = packing(n, progress=tell)
+    settled = packing(n, progress=notify)
     scene = settled.replace(disk_disk=_by_beta(settled), initial_shear={})
     dt = STEP * critical_time_step(scene)
     found = []
@@ -170,7 +170,7 @@ def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) 
         work = WORK_SHORT if short else WORK
         most = MOST_STEPS_SHORT if short else MOST_STEPS_FLOWING if flows else MOST_STEPS
         steps = min(most, max(FEWEST_STEPS, work // len(scene.disks)))
-        chosen = flowing(scene) if flows else scene
+        chosen = sheared_packing(scene) if flows else scene
         skin = (SKIN_FLOWING if flows else SKIN) * float(scene.disks.radius.mean())
         found.append(DemProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, skin=skin, short=short))
     return found
@@ -181,7 +181,7 @@ def _by_beta(scene: Scene) -> ContactLaw:
     return replace(scene.disk_disk, restitution=None)
 
 
-def flowing(scene: Scene) -> Scene:
+def sheared_packing(scene: Scene) -> Scene:
     """The packing without its right wall and sheared from the start: lists have to be built again and again."""
     disks = scene.disks
     v = np.column_stack([SPEED * disks.x[:, 1] / disks.x[:, 1].max(), np.zeros(len(disks))])
@@ -210,10 +210,12 @@ def packing(n: int, *, aspect: float = 1.0, progress: Callable[[int, int], None]
     if n > LARGEST_SETTLED:
         one = packing(LARGEST_SETTLED, aspect=aspect, progress=progress).replace(initial_shear={})
         return packings.side_by_side(one, n // LARGEST_SETTLED)
-    return kept(f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress), Scene)
+    return cached_scene(
+        f"packing-{n}-{aspect:g}", lambda: packings.settled_packing(n, aspect=aspect, progress=progress), Scene
+    )
 
 
-def kept(name: str, make: Callable[[], Kind], kind: type[Kind]) -> Kind:
+def cached_scene(name: str, make: Callable[[], Kind], kind: type[Kind]) -> Kind:
     """A scene that takes long to make: from the user's cache folder if the same packings have made it before."""
     path = packing_folder() / f"{name}-{_recipe()}.json.gz"
     try:
@@ -222,11 +224,11 @@ def kept(name: str, make: Callable[[], Kind], kind: type[Kind]) -> Kind:
     except (OSError, EOFError, ValueError, InvalidSceneError):
         pass  # not there, or cut off: made anew
     scene = make()
-    _keep(scene, path)
+    _store_scene(scene, path)
     return scene
 
 
-def _keep(scene: Scene | SphereScene, path: Path) -> None:
+def _store_scene(scene: Scene | SphereScene, path: Path) -> None:
     half = path.with_name(f".tmp-{os.getpid()}-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -323,7 +325,7 @@ def run_core(problem: DemProblem, threads: int, limit: float) -> Sample:  # noqa
     history = session.run()
     seconds = time.perf_counter() - begin
     _, state = session.snapshot()
-    facts = {"x": state["x"], "kinetic": float(history.energy["kinetic"][-1]), "state": _bits(state)}
+    facts = {"x": state["x"], "kinetic": float(history.energy["kinetic"][-1]), "state": _state_hash(state)}
     return Sample(seconds=seconds, whole=set_up + seconds, facts={**facts, "version": ninedisk.__version__})
 
 
@@ -378,7 +380,7 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, thre
         }
         command = [*_command(peer, engine, threads), str(DRIVERS / f"{peer.id}_bench.py")]
         environment = {**engine.environment(folder), "OMP_NUM_THREADS": str(threads)}  # type: ignore[attr-defined]
-        found = ask(command, request, folder, limit=limit, environment=environment)
+        found = ask_driver(command, request, folder, limit=limit, environment=environment)
     facts = {"x": found["x"], "kinetic": float(found["kinetic"]), "version": str(found["version"])}
     resident = float(found["memory"]) / problem.n
     return Sample(
@@ -411,7 +413,7 @@ def _law(law: ContactLaw) -> dict[str, float]:
     return {"kn": law.kn, "ks": law.ks, "mu": law.mu, "beta": law.beta}
 
 
-def _bits(state: Mapping[str, FloatArray]) -> bytes:
+def _state_hash(state: Mapping[str, FloatArray]) -> bytes:
     """Hash of a state: equal for equal bits."""
     import hashlib
 
@@ -422,20 +424,25 @@ def _bits(state: Mapping[str, FloatArray]) -> bytes:
 
 
 def run_size(
-    make: Callable[[], list[DemProblem]], engines: Mapping[str, Engine], *, repeats: int, time_limit: float, tell: Tell
+    make: Callable[[], list[DemProblem]],
+    engines: Mapping[str, Engine],
+    *,
+    repeats: int,
+    time_limit: float,
+    notify: Reporter,
 ) -> Iterator[list[Row]]:
     """Rows of the problems of one size, one after the other."""
-    tell("settling")
+    notify("settling")
     for problem in make():
 
         def of_problem(what: str, name: str = problem.name) -> None:
-            tell(f"{name}: {what}")
+            notify(f"{name}: {what}")
 
-        yield run_problem(problem, engines, repeats=repeats, time_limit=time_limit, tell=of_problem)
+        yield run_problem(problem, engines, repeats=repeats, time_limit=time_limit, notify=of_problem)
 
 
 def run_problem(
-    problem: DemProblem, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, tell: Tell
+    problem: DemProblem, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, notify: Reporter
 ) -> list[Row]:
     """Rows of one problem: the core with 1, 2, .. threads, and every peer that has the time for it.
 
@@ -446,7 +453,7 @@ def run_problem(
         Registered engines by id; "dem" stands for the core, which is always run: ratios refer to it.
     """
     peers = [peer for peer in problem.peers if peer.id in engines and (problem.short or not peer.short)]
-    more = range(2, 2 if problem.n < problem.sort_from else min(MOST_THREADS, cores()) + 1)
+    more = range(2, 2 if problem.n < problem.sort_from else min(MOST_THREADS, usable_cores()) + 1)
     teams = [] if problem.short else more
     runs = [(peer, k) for peer in peers for k in (1, *(more if peer.threads_by else ()))]
     contenders = [Contender(name="dem", run=partial(run_core, problem, 1))]
@@ -455,12 +462,12 @@ def run_problem(
         for peer, k in runs
     ]
     contenders += [Contender(name=_with_threads("dem", k), run=partial(run_core, problem, k), cores=k) for k in teams]
-    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
+    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify)
     base = measured["dem"]
     rows = [_core_row(problem, 1, base, base)]
-    rows[0] |= _of_the_run(problem, tell)
+    rows[0] |= _run_facts(problem, notify)
     rows += [_core_row(problem, k, measured[_with_threads("dem", k)], base) for k in teams]
-    rows += [_peer_row(problem, peer, k, measured[_with_threads(peer.id, k)], base, tell) for peer, k in runs]
+    rows += [_peer_row(problem, peer, k, measured[_with_threads(peer.id, k)], base, notify) for peer, k in runs]
     return [new_row(**row) for row in rows]
 
 
@@ -498,11 +505,13 @@ def _core_row(problem: DemProblem, threads: int, measured: Measured, base: Measu
     return head | _timed(problem, measured, base)
 
 
-def _peer_row(problem: DemProblem, peer: Peer, threads: int, measured: Measured, base: Measured, tell: Tell) -> Row:
+def _peer_row(
+    problem: DemProblem, peer: Peer, threads: int, measured: Measured, base: Measured, notify: Reporter
+) -> Row:
     head = _head(problem, peer.id, threads, measured)
     if not measured.samples:
         return head | timings(measured, None, "")
-    tell(f"dem, with the conventions of {peer.id}, for the check")
+    notify(f"dem, with the conventions of {peer.id}, for the check")
     try:
         ours = run_core(problem.with_conventions(*peer.arms, peer.slip_at), 1, float("inf"))
     except CoreError as error:
@@ -510,7 +519,7 @@ def _peer_row(problem: DemProblem, peer: Peer, threads: int, measured: Measured,
     worst = max(problem.error(sample, ours) for sample in measured.samples)
     bound, why = problem.bound(peer)
     head |= {
-        "check": f"{problem.told} against the in-house DEM with the same lever arms and slip of the step's {peer.slip_at} ({why})",
+        "check": f"{problem.error_of} against the in-house DEM with the same lever arms and slip of the step's {peer.slip_at} ({why})",
         "check_value": worst,
         "check_bound": bound,
         "resident_per_disk": float(np.median([sample.facts["resident"] for sample in measured.samples])),
@@ -534,13 +543,13 @@ def _timed(problem: DemProblem, measured: Measured, base: Measured) -> Row:
     return row | {"status": "pass", "rate": problem.n * problem.steps / row["median_s"], "rate_unit": UNIT}
 
 
-def _of_the_run(problem: DemProblem, tell: Tell) -> Row:
+def _run_facts(problem: DemProblem, notify: Reporter) -> Row:
     """Memory, and mean numbers of listed pairs and contacts, walls included."""
     if problem.short:
         return {}
-    tell("memory")
+    notify("memory")
     memory = core_memory(problem)
-    tell("pairs and contacts")
+    notify("pairs and contacts")
     counts = mean_counts(problem)
     return {
         "bytes_per_disk": memory,

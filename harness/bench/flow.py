@@ -24,13 +24,13 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, Wall
 from ninedisk.core.scene.motion import compile_motion, wall_poses
 from ninedisk.harness.api.engine import Engine, EngineRun, SupportLevel
-from ninedisk.harness.bench.dem import kept, packing
+from ninedisk.harness.bench.dem import cached_scene, packing
 from ninedisk.harness.bench.friction import SOLVED_AT, friction_of, near_pairs
 from ninedisk.harness.bench.measure import (
     Contender,
     Measured,
+    Reporter,
     Sample,
-    Tell,
     UnsupportedProblemError,
     installed,
     interleave,
@@ -111,36 +111,40 @@ def problems(sizes: list[int], progress: Steps | None = None) -> dict[str, Calla
     """Makers of the problems by name."""
     made: dict[str, Callable[[], FlowProblem]] = {}
     for n in sizes:
-        made[f"drum-{n}"] = lambda n=n: FlowProblem(name=f"drum-{n}", scene=apart(turning_drum(n, progress)))  # type: ignore[misc]
+        made[f"drum-{n}"] = lambda n=n: FlowProblem(name=f"drum-{n}", scene=without_contacts(turning_drum(n, progress)))  # type: ignore[misc]
         made[f"collapse-{n}"] = lambda n=n: FlowProblem(  # type: ignore[misc]
-            name=f"collapse-{n}", scene=apart(packings.collapse(packing(n, progress=progress)))
+            name=f"collapse-{n}", scene=without_contacts(packings.collapse(packing(n, progress=progress)))
         )
-        made[f"hopper-{n}"] = lambda n=n: FlowProblem(name=f"hopper-{n}", scene=apart(open_hopper(n, progress)))  # type: ignore[misc]
+        made[f"hopper-{n}"] = lambda n=n: FlowProblem(
+            name=f"hopper-{n}", scene=without_contacts(open_hopper(n, progress))
+        )  # type: ignore[misc]
     return made
 
 
-def turning_drum(n: int, tell: Steps | None = None) -> Scene:
+def turning_drum(n: int, notify: Steps | None = None) -> Scene:
     """A drum of ``n`` disks after `LEAD` turns on the in-house DEM, with the velocities of that time."""
     rim = math.hypot(*packings.drum(n).walls[0].point)
     turns = math.sqrt(FROUDE * packings.GRAVITY / rim) / (2.0 * math.pi)
     name = f"drum-{n}-{FROUDE:g}-{LEAD:g}"
-    return kept(name, lambda: after(LEAD / turns, packings.drum(n, turns_per_second=turns), tell), Scene)
+    return cached_scene(
+        name, lambda: advanced_scene(LEAD / turns, packings.drum(n, turns_per_second=turns), notify), Scene
+    )
 
 
-def open_hopper(n: int, tell: Steps | None = None) -> Scene:
+def open_hopper(n: int, notify: Steps | None = None) -> Scene:
     """A hopper of ``n`` grains `OPEN` seconds after its plug has gone, with the velocities of that time and all walls at rest."""
 
     def full() -> Scene:
-        return packings.settle(packings.hopper(n, outlet=OUTLET), progress=tell)
+        return packings.settle(packings.hopper(n, outlet=OUTLET), progress=notify)
 
     def flowing() -> Scene:
-        scene = after(OPEN, packings.discharge(kept(f"hopper-{n}-{OUTLET:g}", full, Scene)), tell)
+        scene = advanced_scene(OPEN, packings.discharge(cached_scene(f"hopper-{n}-{OUTLET:g}", full, Scene)), notify)
         return scene.replace(walls=tuple(replace(wall, motion=()) for wall in scene.walls))
 
-    return kept(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing, Scene)
+    return cached_scene(f"hopper-{n}-{OUTLET:g}-{OPEN:g}", flowing, Scene)
 
 
-def after(lead: float, scene: Scene, tell: Steps | None) -> Scene:
+def advanced_scene(lead: float, scene: Scene, notify: Steps | None) -> Scene:
     """The scene ``lead`` seconds [s] later on the in-house DEM, walls and velocities as they are then."""
     from ninedisk.core.dem.critical import critical_time_step
     from ninedisk.core.dem.session import DemSession
@@ -148,7 +152,7 @@ def after(lead: float, scene: Scene, tell: Steps | None) -> Scene:
     steps = int(np.ceil(lead / (0.2 * critical_time_step(scene))))
     dt = lead / steps
     numerics = Numerics(dt=dt, n_steps=steps, contact_dt=dt, sample_every=steps)
-    history = DemSession(scene, numerics).run(tell)
+    history = DemSession(scene, numerics).run(notify)
     disks = replace(scene.disks, x=history.x[-1], v=history.v[-1], omega=history.omega[-1])
     return scene.replace(disks=disks, walls=tuple(_wall_at(wall, lead) for wall in scene.walls), initial_shear={})
 
@@ -159,7 +163,7 @@ def _wall_at(wall: Wall, time: float) -> Wall:
     return replace(wall, point=(pose[0], pose[1]), normal=(pose[2], pose[3]))
 
 
-def apart(scene: Scene) -> Scene:
+def without_contacts(scene: Scene) -> Scene:
     """The scene with rigid contacts and all radii scaled down so far that nothing overlaps; masses stay.
 
     Rigid engines would take the overlaps of springs for errors to be mended, each in its own way.
@@ -268,35 +272,35 @@ def run_problem(
     *,
     repeats: int,
     time_limit: float,
-    tell: Tell,
+    notify: Reporter,
 ) -> Iterator[list[Row]]:
     """Rows of one problem. The first entry is the base of ratios and of the check."""
-    tell("making the flow")
+    notify("making the flow")
     problem = make()
     contenders = [Contender(name=each.name, run=partial(_run, problem, each, engines[each.engine])) for each in chosen]
-    found = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
+    found = interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify)
     base = found[chosen[0].name]
     rows = [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
     # Neither springs nor engines that are not there are judged; and nobody's time has the telling of forces in it.
     judged = [
-        Contender(name=each.name, run=partial(_watch, problem, each, engines[each.engine]))
+        Contender(name=each.name, run=partial(_run_watched, problem, each, engines[each.engine]))
         for each, row in zip(chosen, rows, strict=True)
         if row["status"] == "pass" and engines[each.engine].info().scheme in SOLVED_AT
     ]
-    watched = interleave(judged, repeats=1, time_limit=time_limit, tell=lambda text: tell(f"friction, {text}"))
+    watched = interleave(judged, repeats=1, time_limit=time_limit, notify=lambda text: notify(f"friction, {text}"))
     for row in rows:
         for sample in watched[row["engine"]].samples if row["engine"] in watched else ():
             row["friction_error"] = sample.facts["friction_error"]
     ladder = [row for row in rows if row["engine"].startswith(BASE)]
     for entry, row in zip(chosen, rows, strict=True):
-        row["equal_ratio"] = at_equal("penetration", row, ladder, LEAST_PENETRATION)
-        row["equal_friction_ratio"] = at_equal("friction_error", row, ladder, LEAST_FRICTION)
+        row["equal_ratio"] = time_at_equal("penetration", row, ladder, LEAST_PENETRATION)
+        row["equal_friction_ratio"] = time_at_equal("friction_error", row, ladder, LEAST_FRICTION)
         if entry.engine == "cd":
             row["tolerance"] = entry.options["cd.tolerance"]
     yield rows
 
 
-def at_equal(error: str, row: Row, ladder: Sequence[Row], least: float) -> float:
+def time_at_equal(error: str, row: Row, ladder: Sequence[Row], least: float) -> float:
     """Time of a row over that of ours, between the two rungs of the ladder of tolerances next to its error.
 
     Both logarithms are interpolated. NaN where the row has no time or no such error, or a smaller one than every rung; beyond the rung
@@ -330,20 +334,20 @@ def energy_gained(history: History, scene: Scene) -> float:
     Elastic energy counts where an engine tells it. NaN where walls move and an engine does not tell their work; below 0 where energy
     always falls.
     """
-    disks, told = scene.disks, history.energy
+    disks, given = scene.disks, history.energy
     kinetic = 0.5 * (
         (disks.mass * (history.v**2).sum(axis=2)).sum(axis=1) + (disks.inertia * history.omega**2).sum(axis=1)
     )
     energy = kinetic - (disks.mass * (history.x @ np.array(scene.gravity))).sum(axis=1)
     nothing = np.zeros(len(energy))
-    work = told.get("wall_work", np.full(len(energy), np.nan) if any(wall.motion for wall in scene.walls) else nothing)
-    grown = np.diff(energy + told.get("elastic", nothing) - work)
+    work = given.get("wall_work", np.full(len(energy), np.nan) if any(wall.motion for wall in scene.walls) else nothing)
+    grown = np.diff(energy + given.get("elastic", nothing) - work)
     return float(grown.max() / kinetic.max())
 
 
 def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
     info = installed(engine.info())
-    done = _ended(problem, entry, engine, limit, problem.numerics(), ())
+    done = _end_reason(problem, entry, engine, limit, problem.numerics(), ())
     history, scene = done.history, problem.scene
     deep = [-relative_gaps(scene, x, t) for x, t in zip(history.x[1:], history.t[1:], strict=True)]
     facts = {
@@ -357,14 +361,16 @@ def _run(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sa
     return Sample(seconds=done.timings.advance, whole=done.timings.setup + done.timings.advance, facts=facts)
 
 
-def _watch(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
+def _run_watched(problem: FlowProblem, entry: Entry, engine: Engine, limit: float) -> Sample:
     """The same run again, every step sampled and contacts watched."""
-    done = _ended(problem, entry, engine, limit, problem.numerics().replace(sample_every=1), near_pairs(problem.scene))
+    done = _end_reason(
+        problem, entry, engine, limit, problem.numerics().replace(sample_every=1), near_pairs(problem.scene)
+    )
     error = friction_of(done.history, problem.scene, engine.info().scheme)
     return Sample(seconds=done.timings.advance, facts={"friction_error": error})
 
 
-def _ended(
+def _end_reason(
     problem: FlowProblem, entry: Entry, engine: Engine, limit: float, plain: Numerics, watch: Sequence[Pair]
 ) -> EngineRun:
     scene = problem.with_stiffness(entry.stiffness * problem.scene.disk_disk.kn)

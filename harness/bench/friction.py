@@ -73,9 +73,9 @@ def friction_of(history: History, scene: Scene, scheme: str) -> float:
         x, wall = history.x[(begin, end)[disks_at]], poses[(begin, end)[walls_at]]
         normal = normals_of(pairs, x, wall)
         if scheme != "theta":  # others know their forces as vectors, and tell them in the frames of the sample
-            told = normals_of(pairs, history.x[end], poses[end])
-            force = fs[step, :, None] * turned(told) - fn[step, :, None] * told
-            fn[step], fs[step] = -(force * normal).sum(axis=1), (force * turned(normal)).sum(axis=1)
+            given = normals_of(pairs, history.x[end], poses[end])
+            force = fs[step, :, None] * perpendicular(given) - fn[step, :, None] * given
+            fn[step], fs[step] = -(force * normal).sum(axis=1), (force * perpendicular(normal)).sum(axis=1)
         moved = _wall_velocities(poses[begin], poses[end], dt)
         slip[step] = slips_of(scene, pairs, normal, x, (history.v[end], history.omega[end]), (wall[:, 0:2], *moved))
     slip[np.abs(slip) <= TURNED * np.hypot(history.v[..., 0], history.v[..., 1]).mean()] = 0.0
@@ -110,12 +110,12 @@ def slips_of(
     (v, omega), (point, drift, turn) = disks, walls
     i, j = pairs.T
     of_wall, disk = j >= n, np.minimum(j, n - 1)
-    tangent = turned(normal)
+    tangent = perpendicular(normal)
     own = (v[i] * tangent).sum(axis=1) + radius[i] * omega[i]
     other = (v[disk] * tangent).sum(axis=1) - radius[disk] * omega[disk]
     w = j[of_wall] - n
     arm = x[i[of_wall]] + radius[i[of_wall], None] * normal[of_wall] - point[w]
-    material = drift[w] + turn[w, None] * turned(arm)
+    material = drift[w] + turn[w, None] * perpendicular(arm)
     other[of_wall] = (material * tangent[of_wall]).sum(axis=1)
     return np.asarray(own - other)
 
@@ -136,6 +136,6 @@ def _wall_velocities(before: FloatArray, after: FloatArray, dt: float) -> tuple[
     return (after[:, 0:2] - before[:, 0:2]) / dt, np.arctan2(ax * by - ay * bx, ax * bx + ay * by) / dt
 
 
-def turned(vectors: FloatArray) -> FloatArray:
+def perpendicular(vectors: FloatArray) -> FloatArray:
     """Turned counter-clockwise by a right angle."""
     return np.column_stack([-vectors[:, 1], vectors[:, 0]])

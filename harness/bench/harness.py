@@ -16,10 +16,10 @@ from pathlib import Path
 
 import ninedisk
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
-from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, interleave, timings
+from ninedisk.harness.bench.measure import Contender, Measured, Reporter, Sample, interleave, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.results.schema import Row
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 ENGINES = ("dem", "cd", "pymunk")
 CACHE = "NUMBA_CACHE_DIR"
@@ -33,7 +33,9 @@ COMPLETE = (0, 1)
 """Exit codes of a run that did all it should: failed checks of an engine are findings, errors and crashes are not."""
 
 
-def run(globs: Sequence[str], problem: str, *, repeats: int, time_limit: float, tell: Tell) -> Iterator[list[Row]]:
+def run(
+    globs: Sequence[str], problem: str, *, repeats: int, time_limit: float, notify: Reporter
+) -> Iterator[list[Row]]:
     """Rows of the whole run of ``ninedisk run`` on `ENGINES`, with each of `JOBS`.
 
     Parameters
@@ -43,18 +45,18 @@ def run(globs: Sequence[str], problem: str, *, repeats: int, time_limit: float, 
     problem : str
         One of `PROBLEMS`.
     """
-    chosen = tuple(globs) or (() if problem == ALL else _of_the_appendix())
+    chosen = tuple(globs) or (() if problem == ALL else _appendix_cases())
     if problem != COLD:
-        tell("a first run, to fill the cache")
+        notify("a first run, to fill the cache")
         first = interleave([_contender(chosen, problem, 1)], repeats=1, time_limit=time_limit)
         if not first[_name(1)].samples:
             yield _rows(problem, first, JOBS[:1])
             return
     contenders = [_contender(chosen, problem, count) for count in JOBS]
-    yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell), JOBS)
+    yield _rows(problem, interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify), JOBS)
 
 
-def _of_the_appendix() -> tuple[str, ...]:
+def _appendix_cases() -> tuple[str, ...]:
     from ninedisk.harness.api.registry import case_table, get_case
 
     return tuple(name for name in case_table() if get_case(name).source.startswith(APPENDIX))
@@ -108,7 +110,13 @@ def _run(globs: tuple[str, ...], cold: bool, jobs: int, limit: float) -> Sample:
         begin, before = time.perf_counter(), _processor_seconds()
         try:
             done = subprocess.run(
-                command, capture_output=True, text=True, timeout=limit, env=owned(environment), cwd=folder, check=False
+                command,
+                capture_output=True,
+                text=True,
+                timeout=limit,
+                env=guarded_environment(environment),
+                cwd=folder,
+                check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise EngineTimeoutError(f"ninedisk run was stopped at its time limit of {limit:g} s") from error

@@ -19,7 +19,7 @@ from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineNotInstal
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.run.isolation import run_isolated
 
-Tell = Callable[[str], None]
+Reporter = Callable[[str], None]
 DRIVERS = Path(__file__).parent / "drivers"
 """Scripts for engines that run in processes of their own."""
 
@@ -86,7 +86,7 @@ def installed(info: EngineInfo) -> EngineInfo:
     return info
 
 
-def ask(
+def ask_driver(
     command: Sequence[str],
     request: Mapping[str, Any],
     folder: Path,
@@ -103,7 +103,7 @@ def ask(
     answer = folder / "answer.npz"
     text = json.dumps({**request, "answer": str(answer)})
     # The limit of a contender is on the wall, that of a process counts the CPU time of all its threads.
-    done = run_isolated(command, stdin=text, time_limit=limit * cores(), cwd=folder, env=environment)
+    done = run_isolated(command, stdin=text, time_limit=limit * usable_cores(), cwd=folder, env=environment)
     try:
         with np.load(answer) as data:
             found: dict[str, Any] = {key: data[key] for key in data.files}
@@ -114,7 +114,7 @@ def ask(
     return found
 
 
-def cores() -> int:
+def usable_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
@@ -138,7 +138,7 @@ def on_cores(count: int) -> Iterator[int]:
 
 
 def interleave(
-    contenders: Sequence[Contender], *, repeats: int, time_limit: float, tell: Tell = lambda _: None
+    contenders: Sequence[Contender], *, repeats: int, time_limit: float, notify: Reporter = lambda _: None
 ) -> dict[str, Measured]:
     """Run A B A B ...: slow and fast minutes of a shared machine meet all contenders alike.
 
@@ -164,7 +164,7 @@ def interleave(
         for each in contenders:
             if each.name in failed or (repeat and spent[each.name] >= time_limit):
                 continue
-            tell(f"{each.name}, repeat {repeat + 1} of {repeats}")
+            notify(f"{each.name}, repeat {repeat + 1} of {repeats}")
             begin = time.perf_counter()
             try:
                 with on_cores(each.cores):

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from ninedisk.core.law import SlipAt
 from ninedisk.harness.api.engine import Engine, EngineError, EngineNotInstalledError, EngineTimeoutError, SupportLevel
 from ninedisk.harness.api.registry import get_case, get_engine
-from ninedisk.harness.bench.measure import Contender, Measured, Sample, Tell, installed, interleave, timings
+from ninedisk.harness.bench.measure import Contender, Measured, Reporter, Sample, installed, interleave, timings
 from ninedisk.harness.bench.records import new_row
 from ninedisk.harness.cases.matched import core_history, slip_of
 from ninedisk.harness.results.schema import Row
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 FloatArray = NDArray[np.float64]
 CASE = "nine-disk/distortion"
@@ -62,14 +62,14 @@ def parameters(arm: str) -> dict[str, Any]:
     return dict(resolve(get_case(CASE), {"lever_arm": arm}).params)
 
 
-def built(params: Mapping[str, Any]) -> Any:
+def built_variant(params: Mapping[str, Any]) -> Any:
     """Scene, numerics and watched contacts of a variant."""
     return get_case(CASE).build(params)
 
 
-def expresses(engine: Engine, params: Mapping[str, Any]) -> bool:
+def can_express(engine: Engine, params: Mapping[str, Any]) -> bool:
     """Whether an engine has contact springs and the variant's physics."""
-    setup = built(params)
+    setup = built_variant(params)
     return engine.info().contact == "spring" and engine.supports(setup.scene, setup.numerics).level in FAITHFUL
 
 
@@ -78,21 +78,23 @@ def problem_name(arm: str) -> str:
     return f"nine-disks-{arm}"
 
 
-def run(arm: str, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, tell: Tell) -> Iterator[list[Row]]:
+def run(
+    arm: str, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, notify: Reporter
+) -> Iterator[list[Row]]:
     """Rows of the nine disks with one lever arm, on the core and every engine with springs that expresses the variant.
 
     Each is run twice: as the case asks, forces read at every step of the distortion; and with the last state as the only
     sample, so that an engine with a costly way out of its stepping loop is not judged by that.
     """
     for last_only in (False, True):
-        yield _run_sampled(arm, engines, last_only, repeats=repeats, time_limit=time_limit, tell=tell)
+        yield _run_sampled(arm, engines, last_only, repeats=repeats, time_limit=time_limit, notify=notify)
 
 
 def _run_sampled(
-    arm: str, engines: Mapping[str, Engine], last_only: bool, *, repeats: int, time_limit: float, tell: Tell
+    arm: str, engines: Mapping[str, Engine], last_only: bool, *, repeats: int, time_limit: float, notify: Reporter
 ) -> list[Row]:
     params = parameters(arm)
-    able = [name for name, engine in engines.items() if expresses(engine, params)]
+    able = [name for name, engine in engines.items() if can_express(engine, params)]
     if last_only:
         contenders = [Contender(name="dem", run=partial(_run_last, get_engine("dem"), params))]
         contenders += [Contender(name=name, run=partial(_run_last, engines[name], params)) for name in able]
@@ -103,14 +105,14 @@ def _run_sampled(
             Contender(name=ALONE, run=partial(_run_alone, params)),
         ]
         contenders += [Contender(name=name, run=partial(_run_case, name, arm)) for name in able]
-    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
+    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify)
     problem = problem_name(arm) + (LAST if last_only else "")
     base = measured["dem"]
     return [new_row(**_row(problem, params, name, one, base)) for name, one in measured.items()]
 
 
 def _row(problem: str, params: Mapping[str, Any], name: str, measured: Measured, base: Measured) -> Row:
-    numerics = built(params).numerics
+    numerics = built_variant(params).numerics
     row: Row = {
         "suite": "dem",
         "problem": problem,
@@ -158,7 +160,7 @@ def _run_case(engine: str, arm: str, limit: float) -> Sample:  # noqa: ARG001
 def _run_last(engine: Engine, params: Mapping[str, Any], limit: float) -> Sample:  # noqa: ARG001
     """All steps as one sampling interval, held against the last positions of the core with the engine's place of the slip."""
     info = installed(engine.info())
-    setup = built(params)
+    setup = built_variant(params)
     step, count = setup.numerics.contact_dt, setup.numerics.n_steps
     numerics = setup.numerics.replace(dt=step * count, n_steps=1, sample_from=0)
     expected = core_history(setup, info)
@@ -180,7 +182,7 @@ def _run_every(params: Mapping[str, Any], limit: float) -> Sample:  # noqa: ARG0
     import ninedisk
     from ninedisk.core.dem.session import DemSession
 
-    setup = built(params)
+    setup = built_variant(params)
     numerics = setup.numerics.replace(sample_every=1, sample_from=0)
     begin = time.perf_counter()
     session = DemSession(setup.scene, numerics, setup.watch)
@@ -204,13 +206,18 @@ def _run_alone(params: Mapping[str, Any], limit: float) -> Sample:
     import ninedisk
     from ninedisk.core.simulate import simulate
 
-    setup = built(params)
+    setup = built_variant(params)
     expected = float(simulate(setup.scene, setup.numerics, setup.watch).fn[-1, 0])
     program = PROGRAM.format(case=CASE, params=dict(params))
     begin = time.perf_counter()
     try:
         done = subprocess.run(
-            [sys.executable, "-c", program], capture_output=True, text=True, timeout=limit, env=owned(), check=True
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            timeout=limit,
+            env=guarded_environment(),
+            check=True,
         )
     except (OSError, subprocess.SubprocessError) as error:
         raise EngineError(f"a Python of its own failed: {error}") from error
@@ -280,19 +287,19 @@ def limit_of(arm: str) -> Limit:
 
 
 def run_accuracy(
-    arm: str, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, tell: Tell
+    arm: str, engines: Mapping[str, Engine], *, repeats: int, time_limit: float, notify: Reporter
 ) -> Iterator[list[Row]]:
     """Rows with one lever arm and each of `DIVISIONS`, on the core and every engine with springs that expresses the variant."""
-    tell("converged forces")
+    notify("converged forces")
     limit = limit_of(arm)
     params = parameters(arm)
-    able = {"dem": get_engine("dem")} | {name: each for name, each in engines.items() if expresses(each, params)}
+    able = {"dem": get_engine("dem")} | {name: each for name, each in engines.items() if can_express(each, params)}
     cells = {f"{name}, {divisions} steps a cycle": (name, divisions) for divisions in DIVISIONS for name in able}
     contenders = [
         Contender(name=label, run=partial(_run_divided, able[name], arm, divisions))
         for label, (name, divisions) in cells.items()
     ]
-    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, tell=tell)
+    measured = interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify)
     yield [
         new_row(
             **_accuracy_row(arm, (name, able[name]), n, measured[label], measured[f"dem, {n} steps a cycle"], limit)
@@ -305,7 +312,7 @@ def _accuracy_row(
     arm: str, who: tuple[str, Engine], divisions: int, measured: Measured, base: Measured, limit: Limit
 ) -> Row:
     name, engine = who
-    setup = built(parameters(arm))
+    setup = built_variant(parameters(arm))
     numerics, slip_at = setup.numerics, slip_of(setup.scene.disk_disk.slip_at, engine.info())
     steps = numerics.n_steps * divisions
     row: Row = {
@@ -347,7 +354,7 @@ def _forces(
     engine: Engine, arm: str, divisions: int, slip_at: SlipAt = "middle"
 ) -> tuple[FloatArray, tuple[float, float, float]]:
     """Forces of the watched contacts at the end, and seconds of advance, set-up and warm-up; the last state is the only sample."""
-    setup = built({**parameters(arm), "substeps": divisions, "slip_at": slip_at})
+    setup = built_variant({**parameters(arm), "substeps": divisions, "slip_at": slip_at})
     numerics = setup.numerics
     whole = numerics.replace(dt=numerics.dt * numerics.n_steps, n_steps=1, sample_from=0)
     done = engine.run(setup.scene, whole, setup.watch)

@@ -17,7 +17,7 @@ TIME_LIMITS, REPEATS = {"coulomb": 2.0}, {"coulomb": 2}
 Wanted = Callable[[str], bool]
 
 
-class Tell(Protocol):
+class ProgressReporter(Protocol):
     """Told what begins, and how much of it is done."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None:
@@ -42,24 +42,24 @@ class Request:
     brought: tuple[Engine, ...] = ()
 
 
-def run_suites(request: Request, tell: Tell) -> Iterator[list[Row]]:
+def run_suites(request: Request, notify: ProgressReporter) -> Iterator[list[Row]]:
     """Rows of all suites of the request, as soon as those measured together are complete."""
     suites = {"dem": _dem, "spheres": _spheres, "cd": _cd, "coulomb": _coulomb, "flow": _flow, "harness": _harness}
     for suite in request.suites:
-        problems = suites[suite](request, partial(tell, "settling a packing"))
+        problems = suites[suite](request, partial(notify, "settling a packing"))
         for k, (name, measure) in enumerate(problems.items()):
 
             def of_problem(what: str, name: str = name, done: int = k, total: int = len(problems)) -> None:
-                tell(f"{name}: {what}", done, total)
+                notify(f"{name}: {what}", done, total)
 
             limit = request.time_limit or TIME_LIMITS.get(suite, TIME_LIMIT)
             yield from measure(
-                repeats=request.repeats or REPEATS.get(suite, USUAL_REPEATS), time_limit=limit, tell=of_problem
+                repeats=request.repeats or REPEATS.get(suite, USUAL_REPEATS), time_limit=limit, notify=of_problem
             )
 
 
 Measure = Callable[..., Iterator[list[Row]]]
-"""Measures one problem: ``measure(repeats=..., time_limit=..., tell=...)``."""
+"""Measures one problem: ``measure(repeats=..., time_limit=..., notify=...)``."""
 Progress = Callable[[int, int], None]
 """Called with the steps done and all steps while a packing is made."""
 
@@ -73,7 +73,7 @@ def _dem(request: Request, progress: Progress) -> dict[str, Measure]:
     from ninedisk.harness.bench import dem, nine_disks
 
     engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name))
-    makers = dem.makers(_sizes(request, dem.SIZES, dem.LARGE), request.problem_wanted, progress)
+    makers = dem.problem_makers(_sizes(request, dem.SIZES, dem.LARGE), request.problem_wanted, progress)
     found: dict[str, Measure] = {name: partial(dem.run_size, make, engines) for name, make in makers.items()}
     arms = () if request.sizes and 9 not in request.sizes else nine_disks.ARMS
     found |= {nine_disks.problem_name(arm): partial(nine_disks.run, arm, engines) for arm in arms}
@@ -85,7 +85,7 @@ def _spheres(request: Request, progress: Progress) -> dict[str, Measure]:
     from ninedisk.harness.api.registry import engines_that_load
     from ninedisk.harness.bench import dem, spheres
 
-    makers = spheres.makers(_sizes(request, spheres.SIZES, spheres.LARGE), request.problem_wanted, progress)
+    makers = spheres.problem_makers(_sizes(request, spheres.SIZES, spheres.LARGE), request.problem_wanted, progress)
     engines = engines_that_load(lambda name: name != "dem" and request.engine_wanted(name)) if makers else {}
     return {name: partial(dem.run_size, make, engines) for name, make in makers.items()}
 

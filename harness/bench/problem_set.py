@@ -19,7 +19,7 @@ import numpy as np
 
 from ninedisk import core
 from ninedisk.core import packings
-from ninedisk.core.archive import made_folder, whole_file
+from ninedisk.core.archive import make_folder, whole_file
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
 from ninedisk.core.cd.session import CdSession
@@ -29,7 +29,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.bench.cd import lattice, step_problem
 from ninedisk.harness.bench.dem import packing_folder
-from ninedisk.harness.bench.flow import OPEN, OUTLET, after
+from ninedisk.harness.bench.flow import OPEN, OUTLET, advanced_scene
 
 SIZES = (10, 30, 100, 300, 1_000, 3_000)
 """Disks of the states; a packing has about two contacts for each."""
@@ -50,9 +50,9 @@ class Family:
     moving: bool
 
 
-def pyramid(n: int, seed: int, tell: Steps | None = None) -> Scene:
+def pyramid(n: int, seed: int, notify: Steps | None = None) -> Scene:
     """Equal disks piled up on a floor, each row shorter by one: more forces than equations of balance. The seed chooses the slope's cut."""
-    del tell
+    del notify
     rows = max(2, round(math.sqrt(2.0 * n)))
     keep = max(1, rows - seed % 3)  # a pyramid, or one without its top rows
     x = np.array([(i + 0.5 * j, 0.5 + math.sqrt(0.75) * j) for j in range(keep) for i in range(rows - j)])
@@ -71,40 +71,40 @@ def _box(n: int) -> tuple[int, int]:
     return columns, max(1, round(n / columns))
 
 
-def _settling(n: int, seed: int, tell: Steps | None) -> Scene:
+def _settling(n: int, seed: int, notify: Steps | None) -> Scene:
     scene = packings.poured(*_box(n), seed=seed)
-    return after(1.5 * _fall(scene), scene, tell)
+    return advanced_scene(1.5 * _fall(scene), scene, notify)
 
 
-def _packing(n: int, seed: int, tell: Steps | None) -> Scene:
-    return packings.settled_packing(n, seed=seed, progress=tell)
+def _packing(n: int, seed: int, notify: Steps | None) -> Scene:
+    return packings.settled_packing(n, seed=seed, progress=notify)
 
 
-def _column(n: int, seed: int, tell: Steps | None) -> Scene:
-    return packings.settled_packing(n, seed=seed, aspect=min(10.0, float(n)), progress=tell)
+def _column(n: int, seed: int, notify: Steps | None) -> Scene:
+    return packings.settled_packing(n, seed=seed, aspect=min(10.0, float(n)), progress=notify)
 
 
-def _collapse(n: int, seed: int, tell: Steps | None) -> Scene:
-    scene = packings.settled_packing(n, seed=seed, aspect=min(2.0, float(n)), progress=tell)
-    return after(0.7 * _fall(scene), packings.collapse(scene), tell)
+def _collapse(n: int, seed: int, notify: Steps | None) -> Scene:
+    scene = packings.settled_packing(n, seed=seed, aspect=min(2.0, float(n)), progress=notify)
+    return advanced_scene(0.7 * _fall(scene), packings.collapse(scene), notify)
 
 
-def _drum(n: int, seed: int, tell: Steps | None) -> Scene:
+def _drum(n: int, seed: int, notify: Steps | None) -> Scene:
     scene = packings.drum(n, seed=seed, turns_per_second=0.05, fill=0.3)
-    return after(2.0 * _fall(scene), scene, tell)
+    return advanced_scene(2.0 * _fall(scene), scene, notify)
 
 
-def _hopper(n: int, seed: int, tell: Steps | None) -> Scene:
-    full = packings.settle(packings.hopper(n, outlet=min(OUTLET, 1.5 + 0.2 * math.sqrt(n)), seed=seed), progress=tell)
-    return after(OPEN, packings.discharge(full), tell)
+def _hopper(n: int, seed: int, notify: Steps | None) -> Scene:
+    full = packings.settle(packings.hopper(n, outlet=min(OUTLET, 1.5 + 0.2 * math.sqrt(n)), seed=seed), progress=notify)
+    return advanced_scene(OPEN, packings.discharge(full), notify)
 
 
-def _biaxial(n: int, seed: int, tell: Steps | None) -> Scene:
-    return after(9.0, packings.biaxial(*_box(n), seed=seed, strain=0.2, duration=10.0), tell)
+def _biaxial(n: int, seed: int, notify: Steps | None) -> Scene:
+    return advanced_scene(9.0, packings.biaxial(*_box(n), seed=seed, strain=0.2, duration=10.0), notify)
 
 
-def _lattice(n: int, seed: int, tell: Steps | None) -> Scene:
-    del tell
+def _lattice(n: int, seed: int, notify: Steps | None) -> Scene:
+    del notify
     rows, columns = _box(n)
     scene = lattice(rows + seed % 3, columns)
     return scene.replace(disk_disk=STIFF, walls=tuple(replace(wall, law=STIFF) for wall in scene.walls))
@@ -130,7 +130,7 @@ def make_set(
     largest: int,
     form: Form,
     families: tuple[str, ...],
-    tell: Callable[[int, int, str], None],
+    notify: Callable[[int, int, str], None],
 ) -> tuple[int, list[str]]:
     """Write the open set of a seed, and `MANIFEST`; the number of problems, and the states that could not be made.
 
@@ -145,22 +145,22 @@ def make_set(
     families : tuple of str
         Names of `FAMILIES`.
     tell : callable
-        ``tell(done, total, what)``.
+        ``notify(done, total, what)``.
     """
     states = [(name, n) for n in SIZES if n <= largest for name in families]
     rows: list[dict[str, Any]] = []
     left_out: list[str] = []
     for k, (name, n) in enumerate(states):
-        tell(k, len(states), f"{name} of {n} disks")
+        notify(k, len(states), f"{name} of {n} disks")
         try:
-            rows += _of_state(folder, name, n, seed=seed, form=form)
+            rows += _problems_of_state(folder, name, n, seed=seed, form=form)
         except InvalidSceneError as error:  # a rattler, for instance, that does not come to rest
             left_out.append(f"{name} of {n} disks: {error}")
     _write_manifest(folder, rows)
     return len(rows), left_out
 
 
-def _of_state(folder: Path, name: str, n: int, *, seed: int, form: Form) -> list[dict[str, Any]]:
+def _problems_of_state(folder: Path, name: str, n: int, *, seed: int, form: Form) -> list[dict[str, Any]]:
     """Write the problems of a state; their rows of the manifest."""
     scene = FAMILIES[name].make(n, seed, None)
     rows = []
@@ -171,11 +171,11 @@ def _of_state(folder: Path, name: str, n: int, *, seed: int, form: Form) -> list
             continue
         facts = {"family": name, "disks": n, "seed": seed, "mu": mu, "elastic": elastic}
         named = f"{name}-{n}-{seed}-mu{mu:g}-{'elastic' if elastic else 'rigid'}"
-        rows.append(_keep(folder, named, problem, form, facts))
+        rows.append(_store_state(folder, named, problem, form, facts))
     return rows
 
 
-def kept_state(name: str, n: int, *, seed: int) -> list[tuple[Path, dict[str, Any]]]:
+def stored_state(name: str, n: int, *, seed: int) -> list[tuple[Path, dict[str, Any]]]:
     """Files of the problems of a state and what the manifest tells of them, from the user's cache folder.
 
     They are made there unless the same sources have made them before and every file still holds the numbers of its hash.
@@ -189,16 +189,16 @@ def kept_state(name: str, n: int, *, seed: int) -> list[tuple[Path, dict[str, An
     folder /= f"{name}-{n}-{seed}"
     try:
         rows = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-        good = all(_holds(folder / row["file"], row["sha256"]) for row in rows)
+        good = all(_file_matches(folder / row["file"], row["sha256"]) for row in rows)
     except (OSError, ValueError, TypeError, KeyError):
         good = False
     if not good:
-        rows = _of_state(made_folder(folder), name, n, seed=seed, form="npz")
+        rows = _problems_of_state(make_folder(folder), name, n, seed=seed, form="npz")
         _write_manifest(folder, rows)
     return [(folder / row["file"], row) for row in rows]
 
 
-def _holds(file: Path, sha256: str) -> bool:
+def _file_matches(file: Path, sha256: str) -> bool:
     """Whether a file holds the problem of a hash."""
     try:
         problem = read_problem(file).problem
@@ -208,7 +208,7 @@ def _holds(file: Path, sha256: str) -> bool:
 
 
 def problem_folder() -> Path:
-    """Where the problems of `kept_state` are."""
+    """Where the problems of `stored_state` are."""
     return packing_folder().parent / "problems"
 
 
@@ -230,7 +230,9 @@ def collect(
 
     def keep(step: int, problem: ContactProblem | None, failed: bool) -> None:
         if problem is not None and problem.n_contacts and (failed or step % every == 0):
-            rows.append(_keep(folder, f"step-{step:06d}", problem, form, {**facts, "step": step, "failed": failed}))
+            rows.append(
+                _store_state(folder, f"step-{step:06d}", problem, form, {**facts, "step": step, "failed": failed})
+            )
 
     try:
         _Collecting(scene, numerics, keep).run(progress)
@@ -271,14 +273,14 @@ class _Collecting(CdSession):
             self._keep(step, self._solver.problem, failed)
 
 
-def _keep(folder: Path, name: str, problem: ContactProblem, form: Form, facts: dict[str, Any]) -> dict[str, Any]:
+def _store_state(folder: Path, name: str, problem: ContactProblem, form: Form, facts: dict[str, Any]) -> dict[str, Any]:
     noted = replace(problem, notes={key: str(value) for key, value in facts.items()})
     file = f"{name}.{SUFFIX[form]}"
-    write_problem(made_folder(folder) / file, noted, form)
+    write_problem(make_folder(folder) / file, noted, form)
     size = {"contacts": problem.n_contacts, "bodies": problem.n_bodies}
     return {"file": file, **facts, **size, "sha256": content_hash(problem)}
 
 
 def _write_manifest(folder: Path, rows: list[dict[str, Any]]) -> None:
-    with whole_file(made_folder(folder) / MANIFEST) as stream:
+    with whole_file(make_folder(folder) / MANIFEST) as stream:
         stream.write((json.dumps(rows, indent=1) + "\n").encode())

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.statuses import VERDICTS
 from ninedisk.harness.results.tables import complete
@@ -110,7 +110,7 @@ def write_records(folder: Path, run_id: str, facts: Mapping[str, Any], rows: Seq
     kinds = {"string": pa.string(), "int64": pa.int64(), "float64": pa.float64()}
     schema = pa.schema([(name, kinds[kind]) for name, kind in COLUMNS.items()])
     table = pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
-    plain = [{key: _plain(value) for key, value in row.items()} for row in rows]
+    plain = [{key: _plain_value(value) for key, value in row.items()} for row in rows]
     record = {"bench_version": BENCH_VERSION, "run_id": run_id, **facts, "rows": plain}
     paths = folder / f"{run_id}.json", folder / f"{run_id}.parquet"
     try:
@@ -127,14 +127,14 @@ def write_records(folder: Path, run_id: str, facts: Mapping[str, Any], rows: Seq
     return paths
 
 
-def _plain(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 MAX_REASON = 200
 
 
-def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
+def print_rows(rows: Sequence[Row], paths: Sequence[Path]) -> None:
     """Print a line for each row: median, spread, ratio to the base; then why others have no time, and the files."""
     out = console()
     raced = [row for row in rows if row["suite"] == "coulomb"]
@@ -162,13 +162,13 @@ def show(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         more = () if solver else of_flow if flow else ("with start-up", "processors", "bytes/disk")
         shown = table("problem", "engine", *extra, "status", "median", "spread", "ratio", "rate", *more, right=right)
         for row in chosen:
-            shown.add_row(*(printable(text) for text in _cells(row, solver)))
+            shown.add_row(*(one_line(text) for text in _cells(row, solver)))
         out.print(f"suite {suite}: {_legend(chosen)}")
         out.print(shown)
     for row in rows:
         if row["status"] != "pass":
             place = ", ".join(text for text in (row["problem"], row["start"], _target(row)) if text)
-            out.print(printable(f"{row['status']}: {row['engine']} on {place}: {row['reason'][:MAX_REASON]}"))
+            out.print(one_line(f"{row['status']}: {row['engine']} on {place}: {row['reason'][:MAX_REASON]}"))
     for path in paths:
         out.print(f"written: {path}")
 
@@ -188,7 +188,7 @@ def _show_race(rows: Sequence[Row]) -> None:
     out.print(shown)
     absent = dict.fromkeys(row["reason"] for row in rows if row["status"] == "not-installed")
     for reason in absent:
-        out.print(printable(reason[:MAX_REASON]))
+        out.print(one_line(reason[:MAX_REASON]))
 
 
 def _legend(rows: Sequence[Row]) -> str:

@@ -44,7 +44,7 @@ class SphereProblem(DemProblem):
     """
 
     suite: ClassVar[str] = "spheres"
-    told: ClassVar[str] = "positions, and so overlaps, root mean square over that of the displacements,"
+    error_of: ClassVar[str] = "positions, and so overlaps, root mean square over that of the displacements,"
 
     def bound(self, peer: Peer) -> tuple[float, str]:
         """Largest `error` of an engine, with its reason."""
@@ -88,8 +88,8 @@ class SphereProblem(DemProblem):
         return replace(self, scene=scene.replace(sphere_sphere=turned(scene.sphere_sphere, disks), walls=planes))
 
 
-def makers(
-    sizes: list[int], wanted: Callable[[str], bool], tell: Callable[[int, int], None] | None = None
+def problem_makers(
+    sizes: list[int], wanted: Callable[[str], bool], notify: Callable[[int, int], None] | None = None
 ) -> dict[str, Callable[[], list[DemProblem]]]:
     """A maker of the wanted problems of each size, by the first one's name: one size at a time is held in memory."""
     found: dict[str, Callable[[], list[DemProblem]]] = {}
@@ -97,12 +97,12 @@ def makers(
         kinds = ("", SHORT, UNDAMPED) if n <= SHORT_UP_TO else ("",)
         names = [f"settled-{n}{kind}" for kind in kinds]
         if chosen := [name for name in names if wanted(name)]:
-            found[chosen[0]] = partial(_of_size, n, chosen, tell)
+            found[chosen[0]] = partial(_problem_of_size, n, chosen, notify)
     return found
 
 
-def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) -> list[DemProblem]:
-    scene = packing(n, tell)
+def _problem_of_size(n: int, names: list[str], notify: Callable[[int, int], None] | None) -> list[DemProblem]:
+    scene = packing(n, notify)
     dt = STEP * contact_step(scene, Numerics(dt=1.0, n_steps=1))[1]
     found: list[DemProblem] = []
     for name in names:
@@ -110,20 +110,20 @@ def _of_size(n: int, names: list[str], tell: Callable[[int, int], None] | None) 
         most, work = (MOST_STEPS_SHORT, WORK_SHORT) if short else (MOST_STEPS, WORK)
         steps = min(most, max(FEWEST_STEPS, work // n))
         skin = SKIN * float(scene.spheres.radius.mean())
-        chosen = undamped(scene) if name.endswith(UNDAMPED) else scene
+        chosen = without_dashpots(scene) if name.endswith(UNDAMPED) else scene
         found.append(SphereProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, skin=skin, short=short))
     return found
 
 
-def undamped(scene: SphereScene) -> SphereScene:
+def without_dashpots(scene: SphereScene) -> SphereScene:
     """The scene without dashpots."""
     walls = tuple(replace(wall, law=replace(wall.law, beta=0.0)) for wall in scene.walls)
     return scene.replace(sphere_sphere=replace(scene.sphere_sphere, beta=0.0), walls=walls)
 
 
-def packing(n: int, tell: Callable[[int, int], None] | None = None) -> SphereScene:
+def packing(n: int, notify: Callable[[int, int], None] | None = None) -> SphereScene:
     """A settled packing of ``n`` spheres, from the user's cache folder if it has been made before."""
-    return dem.kept(f"spheres-{n}", partial(settled_spheres, n, progress=tell), SphereScene)
+    return dem.cached_scene(f"spheres-{n}", partial(settled_spheres, n, progress=notify), SphereScene)
 
 
 LAMMPS = replace(

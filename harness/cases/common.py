@@ -179,7 +179,7 @@ def same_steps(curve: FloatArray, near: Sequence[FloatArray]) -> FloatArray:
     return np.where(apart <= SAME_STEPS * np.abs(curve).max(), curve, np.nan)
 
 
-def softness(engine: EngineInfo) -> float:
+def contact_softness(engine: EngineInfo) -> float:
     """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
     if engine.contact != "soft":
         return 0.0
@@ -209,7 +209,7 @@ def slack_time(engine: EngineInfo, dt: float) -> float:
     A soft contact lets through a fixed part s of what it should withstand in one step: ``v' = s (v + g dt)``, which settles at
     ``s g dt/(1 - s)``, however long the load acts.
     """
-    s = softness(engine)
+    s = contact_softness(engine)
     return s / (1.0 - s) * dt
 
 
@@ -236,13 +236,13 @@ def _free_until(setup: Setup) -> float:
     disks = setup.scene.disks
     speed = np.hypot(*disks.v.T)
     one, two = np.triu_indices(len(disks), 1)
-    way = [np.hypot(*(disks.x[one] - disks.x[two]).T) - disks.radius[one] - disks.radius[two]]
+    path = [np.hypot(*(disks.x[one] - disks.x[two]).T) - disks.radius[one] - disks.radius[two]]
     rate = [speed[one] + speed[two]]
     for wall in setup.scene.walls:
-        way.append((disks.x - np.array(wall.point)) @ np.array(wall.normal) - disks.radius)
+        path.append((disks.x - np.array(wall.point)) @ np.array(wall.normal) - disks.radius)
         rate.append(speed)
-    room, closing = np.concatenate(way), np.concatenate(rate)
-    met = np.divide(room, closing, out=np.where(room > 0.0, math.inf, 0.0), where=closing > 0.0)
+    gaps, closing = np.concatenate(path), np.concatenate(rate)
+    met = np.divide(gaps, closing, out=np.where(gaps > 0.0, math.inf, 0.0), where=closing > 0.0)
     return float(np.min(met, initial=math.inf)) - 1.5 * setup.numerics.dt
 
 
@@ -255,10 +255,10 @@ def soft_reason(engine: EngineInfo) -> str:
         if engine.softness is not None
         else "the engine does not say how soft: the most that it might state"
     )
-    return f"; a soft contact lets through {softness(engine):g} of what it should withstand ({reason})"
+    return f"; a soft contact lets through {contact_softness(engine):g} of what it should withstand ({reason})"
 
 
-def where_observed(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
+def at_observed(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:
     """The truth of a quantity; NaN, no truth, for energies, loads of walls and stresses that an engine may leave out and does."""
     silent = not engine.reference and name.startswith(OPTIONAL) and not np.isfinite(observed.series[name][1]).any()
     return np.full_like(expected, np.nan) if silent else expected

@@ -32,7 +32,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
 contact that choose the truth which binds the engine."""
 
 
-def excused(right: Sequence[Check], wide: Sequence[Check], finding: str) -> list[Check]:
+def excused_checks(right: Sequence[Check], wide: Sequence[Check], finding: str) -> list[Check]:
     """Checks that a right engine has to meet, each with what a known difference explains beyond that.
 
     Parameters
@@ -47,26 +47,26 @@ def excused(right: Sequence[Check], wide: Sequence[Check], finding: str) -> list
     found = []
     for check in wide:
         own = tight.get((check.quantity, check.norm, check.truth), check)
-        size, least = _allowed(check), _allowed(own)
+        size, least = _allowance(check), _allowance(own)
         found.append(
             replace(own, known=KnownDifference(finding=finding, size=size, why=check.why)) if size > least else own
         )
     return found
 
 
-def _allowed(check: Check) -> float:
+def _allowance(check: Check) -> float:
     known = np.abs(np.asarray(check.expected, dtype=np.float64))
     largest = float(known[np.isfinite(known)].max(initial=check.scale))
     return max(check.atol + check.rtol * largest, check.known.size if check.known else 0.0)
 
 
-def allowing(
+def checks_with_allowance(
     difference: Difference | str,
     setup: Setup,
     engine: EngineInfo,
     checks: Callable[[Setup, EngineInfo], Sequence[Check]],
 ) -> list[Check]:
-    """``checks(setup, engine)``; where the engine has ``difference``, those of one without it, `excused` by it.
+    """``checks(setup, engine)``; where the engine has ``difference``, those of one without it, `excused_checks` by it.
 
     ``difference`` is a declared one, or `LIFTS`.
     """
@@ -81,7 +81,7 @@ def allowing(
             return list(wide)
         parallel = replace(setup, numerics=replace(setup.numerics, sliding="coulomb"))
         right, words = checks(parallel, replace(engine, dilates=False)), difference
-    return excused(right, wide, f"{engine.id}/{words}")
+    return excused_checks(right, wide, f"{engine.id}/{words}")
 
 
 def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:

@@ -10,8 +10,8 @@ from ninedisk.harness.api.capabilities import SPACE, Capability, capabilities_ne
 from ninedisk.harness.api.engine import Engine, EngineUnsupportedError, SupportLevel, facts_of
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.cases.adapter.probe_of import probe_in_space, probe_of
-from ninedisk.harness.cases.adapter.probes import Probe, fall, free_flight, weights
-from ninedisk.harness.cases.adapter.space import spheres
+from ninedisk.harness.cases.adapter.probes import Probe, falling_disk, free_flight, resting_disks
+from ninedisk.harness.cases.adapter.space import resting_sphere
 from ninedisk.harness.cases.adapter.unequal import unequal_probes, unequal_spheres
 from ninedisk.harness.check_engine import conduct
 from ninedisk.harness.check_engine.outcomes import REFUSED, Bench, Outcome, attempt, outcome
@@ -54,15 +54,15 @@ Check = tuple[str, Callable[[], Outcome], frozenset[Capability]]
 
 def _checks(bench: Bench) -> Iterator[Check]:
     info = bench.info()
-    simplest = next((probe for probe in _simple(bench) if _taken(bench, probe)), None)
+    simplest = next((probe for probe in _simplest_first(bench) if _accepts_scene(bench, probe)), None)
     if simplest is None:
         why = (
             "neither a disk in flight, nor one that falls, nor two at rest on a floor, nor a sphere on one is supported"
         )
         yield "scenes", lambda: outcome("scenes", [(why, "support at least one of them")]), frozenset()
         return
-    touching = next((probe for probe in (weights(info), simplest) if _taken(bench, probe)), simplest)
-    flight = free_flight(info, **UNEVEN) if info.plane else spheres(info, **UNEVEN)
+    touching = next((probe for probe in (resting_disks(info), simplest) if _accepts_scene(bench, probe)), simplest)
+    flight = free_flight(info, **UNEVEN) if info.plane else resting_sphere(info, **UNEVEN)
     for name, check, probe in (
         ("form", conduct.form, touching),
         ("sampling", conduct.sampling, flight),
@@ -74,14 +74,14 @@ def _checks(bench: Bench) -> Iterator[Check]:
         ("refusals", conduct.impossible, simplest),
     ):
         yield name, _bound(bench, name, check, probe), frozenset()
-    for name, probe in (("units: flight", flight), ("units: weights and pairs", weights(info))):
-        yield name, _judged(bench, name, probe), _needs(probe)
+    for name, probe in (("units: flight", flight), ("units: weights and pairs", resting_disks(info))):
+        yield name, _judge_probe(bench, name, probe), _needs(probe)
     unlike = [
         *(unequal_probes(info) if info.plane else ()),
         *(unequal_spheres(info) if Capability.SPHERES in info.capabilities else ()),
     ]
     for name, probe in unlike:
-        yield name, _judged(bench, name, probe, strict=True), _needs(probe)
+        yield name, _judge_probe(bench, name, probe, strict=True), _needs(probe)
     for asked in Capability:
         if probe_in_space(asked, info) is None and not info.plane:
             continue
@@ -95,14 +95,14 @@ def _needs(probe: Probe) -> frozenset[Capability]:
     return capabilities_needed(probe.setup.scene, probe.setup.numerics)
 
 
-def _simple(bench: Bench) -> Iterator[Probe]:
+def _simplest_first(bench: Bench) -> Iterator[Probe]:
     yield free_flight(bench.info())
-    yield fall(bench.info())
-    yield weights(bench.info())
-    yield spheres(bench.info())
+    yield falling_disk(bench.info())
+    yield resting_disks(bench.info())
+    yield resting_sphere(bench.info())
 
 
-def _taken(bench: Bench, probe: Probe) -> bool:
+def _accepts_scene(bench: Bench, probe: Probe) -> bool:
     """Whether the engine takes the scene, also once it has it: an engine behind a command may refuse only then."""
     if not _runs(bench, probe):
         return False
@@ -130,9 +130,9 @@ def _bound(bench: Bench, name: str, check: Callable[[Bench, Probe], Outcome], pr
     return run
 
 
-def _judged(bench: Bench, name: str, probe: Probe, *, strict: bool = False) -> Callable[[], Outcome]:
+def _judge_probe(bench: Bench, name: str, probe: Probe, *, strict: bool = False) -> Callable[[], Outcome]:
     def judge(bench: Bench, probe: Probe) -> Outcome:
         support = bench.supports(probe.setup.scene, probe.setup.numerics)
-        return conduct.judged(name, bench, probe, support, strict=strict)
+        return conduct.judge_probe(name, bench, probe, support, strict=strict)
 
     return _bound(bench, name, judge, probe)

@@ -33,14 +33,14 @@ from ninedisk.harness.wire.protocol import MEANINGS
 REFUSAL = "raise CoreError or EngineError with a message that names the bad value and the way out"
 
 
-def _again(bench: Bench, probe: Probe) -> EngineRun:
+def _run_again(bench: Bench, probe: Probe) -> EngineRun:
     """One more run of a probe, which is not kept."""
     return bench.run_anew(probe.setup.scene, probe.setup.numerics, probe.setup.watch)
 
 
 def determinism(bench: Bench, probe: Probe) -> Outcome:
     """Two runs of a scene with contacts give the same bits."""
-    one, two = bench.run_of(probe).history, _again(bench, probe).history
+    one, two = bench.run_of(probe).history, _run_again(bench, probe).history
     differ = [
         field.name
         for field in fields(History)
@@ -96,7 +96,7 @@ def impossible(bench: Bench, probe: Probe) -> Outcome:
     if info.options:
         wrong = setup.numerics.replace(options={f"{info.id}.no_such_option": 1})
         requests["an option that does not exist"] = (setup.scene, wrong, setup.watch)
-    faults = [fault for what, request in requests.items() if (fault := _answered(bench, what, request))]
+    faults = [fault for what, request in requests.items() if (fault := _answer_fault(bench, what, request))]
     if info.contact == "spring":
         faults += _unstable(bench)
     return outcome("refusals", faults, f"{len(requests) + (info.contact == 'spring')} impossible requests refused")
@@ -105,7 +105,7 @@ def impossible(bench: Bench, probe: Probe) -> Outcome:
 Request = tuple[Scene, Numerics, tuple[tuple[int, int], ...]]
 
 
-def _answered(bench: Bench, what: str, request: Request) -> tuple[str, str] | None:
+def _answer_fault(bench: Bench, what: str, request: Request) -> tuple[str, str] | None:
     """The fault of answering a request, or of refusing it by an error that is none of ours."""
     try:
         bench.run_anew(*request)
@@ -224,7 +224,7 @@ def copies(bench: Bench, probe: Probe) -> Outcome:
         if np.shares_memory(arrays[one], probe.setup.scene.bodies.x):
             faults.append((f"{one} is the scene's own memory", mend))
     before = {name: array.copy() for name, array in arrays.items()}
-    _again(bench, probe)
+    _run_again(bench, probe)
     changed = [name for name in names if not np.array_equal(arrays[name], before[name], equal_nan=True)]
     faults += [(f"{name} changed with the next run", mend) for name in changed]
     return outcome("copies", faults, "arrays of their own, untouched by a second run")
@@ -289,10 +289,10 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Outcome:
     may_lack = support.level is SupportLevel.APPROXIMATE or (
         asked in SLIP_AT.values() and support.level is SupportLevel.EQUIVALENT
     )
-    return judged(name, bench, probe, support, claimed=asked in bench.info().capabilities or not may_lack)
+    return judge_probe(name, bench, probe, support, claimed=asked in bench.info().capabilities or not may_lack)
 
 
-def judged(
+def judge_probe(
     name: str, bench: Bench, probe: Probe, support: Support, *, claimed: bool = True, strict: bool = False
 ) -> Outcome:
     """The run of a probe against its closed form, coarsely where it is graded approximate, unless its bounds hold for that too."""
@@ -307,8 +307,8 @@ def judged(
     found = f"{probe.title}: {support.level}" + (f"; not observed: {', '.join(unseen)}" if unseen else "")
     if not faults and len(unseen) == len(probe.closed_forms(bench.run_of(probe).history)):
         return Outcome(check=name, status=UNSEEN, found=found, unseen=unseen)
-    told = [replace(fault, found=f"{probe.title}: {fault.found}") for fault in faults]
-    return replace(outcome(name, told, found), unseen=unseen)
+    reported = [replace(fault, found=f"{probe.title}: {fault.found}") for fault in faults]
+    return replace(outcome(name, reported, found), unseen=unseen)
 
 
 def _refusal(name: str, bench: Bench, support: Support, asked: Capability) -> Outcome:

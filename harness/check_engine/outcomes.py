@@ -225,10 +225,10 @@ class Bench:
         }
         return [
             form.quantity
-            for form, told in zip(
+            for form, reported in zip(
                 probe.closed_forms(history), probe.closed_forms(replace(history, **filled)), strict=True
             )
-            if np.isnan(form.value).any() and not np.isnan(told.value).any()
+            if np.isnan(form.value).any() and not np.isnan(reported.value).any()
         ]
 
 

@@ -10,7 +10,7 @@ from ninedisk.harness.api.capabilities import Capability, capabilities_asked
 from ninedisk.harness.api.engine import Engine, EngineInfo, SupportLevel
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.api.support import support_of
-from ninedisk.harness.api.text import printable, some
+from ninedisk.harness.api.text import count_noun, one_line
 from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, UNSEEN, Fault, Outcome
 from ninedisk.harness.terminal import console, table
 
@@ -55,37 +55,37 @@ CASE_OF: Mapping[Capability, str] = {
 """A case that is about a capability, where there is one."""
 
 
-def show(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: Sequence[str]) -> None:
+def print_verdict(engine: Engine, info: EngineInfo, outcomes: Sequence[Outcome], given: Sequence[str]) -> None:
     """Print the verdict; ``given`` is the engine as the command line has it, an option and its value."""
     out = console()
-    for line in _head(info, outcomes):
-        out.print(printable(line), soft_wrap=True)
+    for line in _headline(info, outcomes):
+        out.print(one_line(line), soft_wrap=True)
     wrong = _failures(outcomes)
     if wrong:
         out.print()
         for line in _first(engine, outcomes, wrong[0], given):
-            out.print(printable(line), soft_wrap=True)
+            out.print(one_line(line), soft_wrap=True)
     if others := wrong[1:]:
         shown = table("also failing", "found", "mend")
         for each in others:
             more = f" (and {len(each.faults) - 1} more)" if len(each.faults) > 1 else ""
-            fault = _telling(each)[0]
-            shown.add_row(*map(printable, (each.check, _said(fault) + more, fault.mend)))
+            fault = _most_specific_first(each)[0]
+            shown.add_row(*map(one_line, (each.check, _fault_text(fault) + more, fault.mend)))
         out.print(shown)
     out.print()
     for line in _untested(outcomes):
-        out.print(printable(line), soft_wrap=True)
+        out.print(one_line(line), soft_wrap=True)
     if not wrong:
         out.print(f"next: ninedisk run {shlex.join(given)}", soft_wrap=True)
 
 
-def _head(info: EngineInfo, outcomes: Sequence[Outcome]) -> Iterator[str]:
+def _headline(info: EngineInfo, outcomes: Sequence[Outcome]) -> Iterator[str]:
     names = {status: [each.check for each in outcomes if each.status == status] for status in (FAIL, PASS)}
     ran = len(names[FAIL]) + len(names[PASS])
     yield (
         f"{info.id} {info.version}: {len(names[FAIL])} of {ran} checks fail"
         if names[FAIL]
-        else f"{info.id} {info.version}: nothing wrong was found, {some(ran, 'check')} pass{'es' if ran == 1 else ''}"
+        else f"{info.id} {info.version}: nothing wrong was found, {count_noun(ran, 'check')} pass{'es' if ran == 1 else ''}"
     )
     if names[PASS]:
         yield f"pass: {', '.join(names[PASS])}"
@@ -104,8 +104,8 @@ def _failures(outcomes: Sequence[Outcome]) -> list[Outcome]:
             each.check not in FORM,
             not each.needs and not each.check.startswith("units"),
             len(each.needs),
-            _asked(each) not in _suspects(each, outcomes),
-            not _telling(each)[0].likeness,
+            _capability_of(each) not in _suspects(each, outcomes),
+            not _most_specific_first(each)[0].likeness,
         ),
     )
     distinct: dict[tuple[Fault, ...], Outcome] = {}
@@ -114,7 +114,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[Outcome]:
     return list(distinct.values())
 
 
-def _asked(outcome: Outcome) -> Capability | None:
+def _capability_of(outcome: Outcome) -> Capability | None:
     """The capability that a check is about, if it is about one."""
     return Capability.__members__.get(outcome.check.removeprefix("supports: "))
 
@@ -124,31 +124,31 @@ def _suspects(outcome: Outcome, outcomes: Sequence[Outcome]) -> frozenset[Capabi
     return outcome.needs.difference(*(each.needs for each in outcomes if each.status == PASS))
 
 
-def _telling(outcome: Outcome) -> list[Fault]:
+def _most_specific_first(outcome: Outcome) -> list[Fault]:
     """The faults of a check, simple multiples of the right number first."""
     return sorted(outcome.faults, key=lambda fault: not fault.likeness)
 
 
-def _said(fault: Fault) -> str:
+def _fault_text(fault: Fault) -> str:
     return f"{fault.found}: {fault.likeness}" if fault.likeness else fault.found
 
 
 def _first(engine: Engine, outcomes: Sequence[Outcome], first: Outcome, given: Sequence[str]) -> Iterator[str]:
     yield f"look at this first: {first.check}"
-    for fault in _telling(first):
-        yield f"  found: {_said(fault)}"
+    for fault in _most_specific_first(first):
+        yield f"  found: {_fault_text(fault)}"
     if first.mend:
         yield f"  mend: {first.mend}"
     if suspects := sorted(each.name for each in _suspects(first, outcomes)):
         yield f"  suspect: {', '.join(suspects)}, which no passing check uses"
-    yield f"  again: ninedisk check-engine {shlex.join(_alone(given))} --check {shlex.quote(first.check)}"
-    asked = _asked(first)
+    yield f"  again: ninedisk check-engine {shlex.join(_engine_id(given))} --check {shlex.quote(first.check)}"
+    asked = _capability_of(first)
     wanted = sorted(first.needs) if asked is None else [asked]
     case = next(filter(None, (_case(engine, each) for each in wanted)), "")
     yield f"  next: {' '.join(filter(None, ['ninedisk run', case, shlex.join(given)]))}"
 
 
-def _alone(given: Sequence[str]) -> Sequence[str]:
+def _engine_id(given: Sequence[str]) -> Sequence[str]:
     """An engine as check-engine takes it: an id without its option."""
     return given[1:] if given[0] == "--engine" else given
 

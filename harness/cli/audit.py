@@ -91,9 +91,9 @@ def audit(
         check_writable("--json", json_file)
     if out is not None:
         check_folder("--out", out)
-    told = read_scene(scene or _beside(file))
+    reported = read_scene(scene or _companion_file(file))
     with CellProgress() as progress:
-        record = audited(file, told, progress)
+        record = audited(file, reported, progress)
     if json_file is not None:
         write_whole("--json", json_file, plain_json(record) + "\n")
     _show(record)
@@ -102,7 +102,7 @@ def audit(
     raise typer.Exit(WRONG if any(check["verdict"] == VIOLATED for check in record["checks"]) else 0)
 
 
-def _beside(file: Path) -> Path:
+def _companion_file(file: Path) -> Path:
     from ninedisk.harness.api.errors import UsageError
 
     tried = [file.with_suffix(".toml"), file.with_suffix("").with_suffix(".toml"), file.parent / "audit.toml"]
@@ -118,14 +118,16 @@ def _beside(file: Path) -> Path:
 
 
 def _show(record: Mapping[str, Any]) -> None:
-    from ninedisk.harness.api.text import printable, some
+    from ninedisk.harness.api.text import count_noun, one_line
 
     out = console()
-    digits = ", ".join(f"{name} {told}" for name, told in record["digits"].items() if name in ("t", "x", "vx", "omega"))
+    digits = ", ".join(
+        f"{name} {reported}" for name, reported in record["digits"].items() if name in ("t", "x", "vx", "omega")
+    )
     begin, end = record["t"]
     out.print(
-        printable(
-            f"{record['file']} ({record['form']}): {some(record['disks'], 'disk')}, {some(record['frames'], 'frame')} "
+        one_line(
+            f"{record['file']} ({record['form']}): {count_noun(record['disks'], 'disk')}, {count_noun(record['frames'], 'frame')} "
             f"from t = {begin:.4g} to {end:.4g} s, "
             f"{record['interval'][0]:.4g} s apart; {digits}"
         )
@@ -135,7 +137,7 @@ def _show(record: Mapping[str, Any]) -> None:
     shown = table("", "check", "verdict")
     for check in record["checks"]:
         sign = {"violated": "✗", "holds": "✓"}.get(check["verdict"], "?")
-        shown.add_row(sign, check["title"], printable(textwrap.shorten(check["said"], 900)))
+        shown.add_row(sign, check["title"], one_line(textwrap.shorten(check["said"], 900)))
     out.print(shown)
     verdicts = [check["verdict"] for check in record["checks"]]
     out.print(

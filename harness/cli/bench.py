@@ -114,7 +114,7 @@ def bench(
     """
     from ninedisk.harness.api.errors import UsageError, close_matches
     from ninedisk.harness.bench.plan import Request, run_suites
-    from ninedisk.harness.bench.records import prepare_folder, show, write_records
+    from ninedisk.harness.bench.records import prepare_folder, print_rows, write_records
     from ninedisk.harness.results.store import new_run_id
     from ninedisk.harness.run.provenance import command_line, provenance
     from ninedisk.harness.wire.command import engines_given
@@ -161,7 +161,7 @@ def bench(
         raise UsageError(
             "nothing to measure: no problem matches --problem, --size and the suites; leave one of them out"
         )
-    show(rows, [*paths, page])
+    print_rows(rows, [*paths, page])
     found = {row["status"] for row in rows}
     raise typer.Exit(BROKEN if "error" in found else FAILED if "fail" in found else 0)
 

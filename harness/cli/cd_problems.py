@@ -56,7 +56,7 @@ def collect(
     if every < 1:
         raise UsageError(f"--every {every} is not allowed: give a whole number >= 1")
     check_folder("--out", out)
-    kind = _form(form)
+    kind = _file_form(form)
     chosen = parse_settings(options or [], flag="--option", example="cd.tolerance=1e-10")
     setup = plan_case(case, "cd", parse_settings(settings or []), chosen).setup
     if isinstance(setup, Exception):
@@ -114,17 +114,17 @@ def make(
             f"--seed {seed} --disks {disks} is not allowed: a seed >= 0, disks {problem_set.SIZES[0]} .. {problem_set.SIZES[-1]}"
         )
     check_folder("--out", out)
-    kind = _form(form)
+    kind = _file_form(form)
     with CellProgress() as progress:
         count, left_out = problem_set.make_set(
-            out, seed=seed, largest=disks, form=kind, families=wanted, tell=lambda *told: progress(*told)
+            out, seed=seed, largest=disks, form=kind, families=wanted, notify=lambda *reported: progress(*reported)
         )
     for each in left_out:
         typer.echo(f"left out: {each}", err=True)
     typer.echo(f"{count} contact problems in {out}")
 
 
-def _form(text: str) -> Form:
+def _file_form(text: str) -> Form:
     from ninedisk.harness.api.errors import UsageError, not_one_of
 
     forms: dict[str, Form] = {"npz": "npz", "fc2d": "fc2d", "fclib": "fclib"}

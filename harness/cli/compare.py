@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 from ninedisk.harness.cli.support import CellProgress, Store, guarded
 from ninedisk.harness.terminal import console, table
 
@@ -65,7 +65,7 @@ def _build_dashboard(store: Path, out: Path, last: int) -> Path:
     """
     from ninedisk.harness.results.history import history
     from ninedisk.harness.results.reader import run_ids
-    from ninedisk.harness.results.store import in_order, load_snapshot
+    from ninedisk.harness.results.store import load_snapshot, sorted_runs
     from ninedisk.reports.dashboard import build_dashboard
 
     ids = run_ids(store)
@@ -77,7 +77,7 @@ def _build_dashboard(store: Path, out: Path, last: int) -> Path:
             progress(done, len(ids), "reading runs")
             runs.append(load_snapshot(store, run_id))
         progress(len(ids), len(ids), "looking for changes")
-        found = history(in_order(runs)[-last:])
+        found = history(sorted_runs(runs)[-last:])
         return build_dashboard(found, out, lambda stage, done, total: progress(done, total, stage))
 
 
@@ -95,7 +95,7 @@ def _append_summary(found: Comparison) -> None:
 
 
 def _show(found: Comparison, everything: bool) -> None:
-    from ninedisk.harness.results.compare import headline, numbers, what, worth_showing
+    from ninedisk.harness.results.compare import change_numbers, changed_quantity, headline, worth_showing
     from ninedisk.harness.results.schema import short_variant
 
     out = console()
@@ -106,8 +106,14 @@ def _show(found: Comparison, everything: bool) -> None:
         shown = table("", "case", "variant", "engine", "what", "base", "head", "change", "tolerance", "why",
                       right=("base", "head", "change", "tolerance"), whole=("", "engine", "base", "head", "change"))  # fmt: skip
         for change in changes if everything else changes[:MAX_ROWS]:
-            words = (change.verdict, change.case, short_variant(change.variant), change.engine, what(change))
-            shown.add_row(*(printable(str(text)) for text in (*words, *numbers(change), change.reason[:200])))
+            words = (
+                change.verdict,
+                change.case,
+                short_variant(change.variant),
+                change.engine,
+                changed_quantity(change),
+            )
+            shown.add_row(*(one_line(str(text)) for text in (*words, *change_numbers(change), change.reason[:200])))
         out.print(shown)
     if not everything and len(changes) > MAX_ROWS:
         out.print(f"... and {len(changes) - MAX_ROWS} more; --all, --json or --html shows them")
@@ -116,7 +122,7 @@ def _show(found: Comparison, everything: bool) -> None:
 
 def _facts(facts: RunFacts) -> str:
     commit = f", commit {facts.commit[:12]}" if facts.commit else ""
-    return printable(f"{facts.run_id}, {facts.started}{commit}, {facts.machine}")
+    return one_line(f"{facts.run_id}, {facts.started}{commit}, {facts.machine}")
 
 
 def register(app: typer.Typer) -> None:

@@ -108,25 +108,25 @@ def converge(
 
 
 def _show(record: Mapping[str, Any]) -> None:
-    from ninedisk.harness.api.text import printable, short, some
+    from ninedisk.harness.api.text import count_noun, one_line, short_number
     from ninedisk.harness.run.converge import BAD
 
     out, steps = console(), record["steps"]
-    out.print(printable(f"{record['case']} [{record['variant']}] on {record['engine']} {record['engine_version']}"))
+    out.print(one_line(f"{record['case']} [{record['variant']}] on {record['engine']} {record['engine_version']}"))
     out.print(
-        f"{record['step']} = {steps[0]:.4g} {record['unit']}, halved {some(len(steps) - 1, 'time')} to {steps[-1]:.4g}"
+        f"{record['step']} = {steps[0]:.4g} {record['unit']}, halved {count_noun(len(steps) - 1, 'time')} to {steps[-1]:.4g}"
     )
     declared = "none declared" if record["expected"] is None else f"{record['expected']:g}"
-    out.print(printable(f"expected order: {declared} ({record['expected_why']})"))
+    out.print(one_line(f"expected order: {declared} ({record['expected_why']})"))
     shown = table("", "quantity", "unit", "truth", "measured by", "coarsest", "finest", "order", "levels", "why",
                   right=("coarsest", "finest", "order"), whole=("", "unit", "coarsest", "finest", "order", "levels"))  # fmt: skip
     for row in record["rows"]:
         series = (row["errors"] if row["by"] != "difference" else row["differences"]) or row["differences"]
-        order = "-" if row["order"] != row["order"] else f"{row['order']:.2f} ± {short(row['uncertainty'])}"
+        order = "-" if row["order"] != row["order"] else f"{row['order']:.2f} ± {short_number(row['uncertainty'])}"
         levels = f"{row['used'][0] + 1}-{row['used'][-1] + 1}" if row["used"] else "-"
         words = (row["verdict"], row["quantity"], row["unit"], row["truth"] or "-", row["by"] or "-")
         ends = (f"{series[0]:.2e}", f"{series[-1]:.2e}", order, levels)
-        shown.add_row(*(printable(str(text)) for text in (*words, *ends, row["reason"])))
+        shown.add_row(*(one_line(str(text)) for text in (*words, *ends, row["reason"])))
     out.print(shown)
     bad = sum(row["verdict"] in BAD for row in record["rows"])
     judged = sum(row["verdict"] == "converges" for row in record["rows"])

@@ -84,7 +84,7 @@ def determinism(
     """
     from ninedisk.harness.api.errors import StoreError
     from ninedisk.harness.api.registry import check_engine_ids, engines_that_load, get_engine
-    from ninedisk.harness.api.text import some
+    from ninedisk.harness.api.text import count_noun
     from ninedisk.harness.results.schema import worse_than_promised
     from ninedisk.harness.results.store import prepare_store
     from ninedisk.harness.results.tables import plain_json
@@ -114,19 +114,19 @@ def determinism(
     rows: list[Row] = []
     number = 0
 
-    def tell(done: int, of: int, name: str) -> None:
+    def notify(done: int, of: int, name: str) -> None:
         progress(number * of + done, len(chosen) * of, name)
 
     try:
         with CellProgress() as progress:
-            for number, each in enumerate(chosen):  # noqa: B007  (read by `tell`)
-                found = measure(each, tell, space=spheres)
+            for number, each in enumerate(chosen):  # noqa: B007  (read by `notify`)
+                found = measure(each, notify, space=spheres)
                 write_whole(
                     "--store", place / f"{each.id}{'.spheres' if spheres else ''}.json", plain_json(found) + "\n"
                 )
                 rows += found
     except KeyboardInterrupt:
-        fail(f"interrupted: stored {number} of {some(len(chosen), 'engine')}", INTERRUPTED)
+        fail(f"interrupted: stored {number} of {count_noun(len(chosen), 'engine')}", INTERRUPTED)
     if json_file is not None:
         write_rows(json_file, rows)
     _show(rows)
@@ -144,7 +144,7 @@ def _installed(engine: Engine, spheres: bool) -> bool:
 
 
 def _show(rows: Sequence[Row]) -> None:
-    from ninedisk.harness.api.text import printable
+    from ninedisk.harness.api.text import one_line
     from ninedisk.harness.results.schema import DETERMINISM_KINDS, DETERMINISM_VERDICTS, worse_than_promised
 
     out = console()
@@ -159,19 +159,21 @@ def _show(rows: Sequence[Row]) -> None:
         right=("difference", "allowed", "first"),
         whole=("", "engine", "difference", "allowed", "first"),
     )
-    told = [row for row in rows if row["verdict"] not in ("bitwise", "not applicable")]
-    for row in sorted(told, key=lambda row: (not worse_than_promised(row), DETERMINISM_VERDICTS.index(row["verdict"]))):
+    reported = [row for row in rows if row["verdict"] not in ("bitwise", "not applicable")]
+    for row in sorted(
+        reported, key=lambda row: (not worse_than_promised(row), DETERMINISM_VERDICTS.index(row["verdict"]))
+    ):
         numbers = ("-" if number != number else f"{number:.1e}" for number in (row["difference"], row["allowance"]))
         first = "-" if row["first_step"] < 0 else f"step {row['first_step']}"
         shown.add_row(("✗ " if worse_than_promised(row) else "  ") + row["verdict"], row["engine"], DETERMINISM_KINDS[row["kind"]][0],
-                      *numbers, first, printable(row["reason"])[:160])  # fmt: skip
-    if told:
+                      *numbers, first, one_line(row["reason"])[:160])  # fmt: skip
+    if reported:
         out.print(shown)
     for engine in dict.fromkeys(row["engine"] for row in rows):
         mine = [row for row in rows if row["engine"] == engine]
         same = [row["kind"] for row in mine if row["verdict"] == "bitwise"]
         none = [f"{row['kind']} ({row['reason']})" for row in mine if row["verdict"] == "not applicable"]
         text = f"{engine} [{mine[0]['scene']}]: the same to the last bit: {', '.join(same) or 'never'}"
-        out.print(printable(text + (f"; not applicable: {', '.join(none)}" if none else "")), soft_wrap=True)
+        out.print(one_line(text + (f"; not applicable: {', '.join(none)}" if none else "")), soft_wrap=True)
     worse = sum(worse_than_promised(row) for row in rows)
     out.print(f"{len(rows)} repetitions, {worse} of them not what they must be")

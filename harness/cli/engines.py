@@ -57,7 +57,7 @@ def check_engine(
     from ninedisk.harness.api.registry import get_engine
     from ninedisk.harness.check_engine.check import check_engine as check
     from ninedisk.harness.check_engine.outcomes import FAIL, write_json
-    from ninedisk.harness.check_engine.verdict import show
+    from ninedisk.harness.check_engine.verdict import print_verdict
     from ninedisk.harness.results.whole_file import check_writable
     from ninedisk.harness.wire.command import CommandEngine
 
@@ -72,7 +72,7 @@ def check_engine(
     with CellProgress() as progress:
         outcomes = check(found, progress, only or ())
     given = ["--engine-cmd", engine_cmd] if engine_cmd is not None else ["--engine", engine]
-    show(found, info, outcomes, given)
+    print_verdict(found, info, outcomes, given)
     if json_file is not None:
         write_json(json_file, engine, info.version or "", outcomes)
     raise typer.Exit(int(any(each.status == FAIL for each in outcomes)))

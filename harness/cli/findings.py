@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.api.text import found_and_expected, printable
+from ninedisk.harness.api.text import found_and_expected, one_line
 from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, refuse_not_installed, write_rows
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.harness.terminal import console, share, table
@@ -97,15 +97,15 @@ def findings(
     if commands:
         if globs or engines:
             raise UsageError("--engine-cmd holds its engine against all findings: leave ids and --engine out")
-        raise typer.Exit(_alike(commands, known, store, json_file))
+        raise typer.Exit(_compare_engines(commands, known, store, json_file))
     with CellProgress() as progress:
         found = evaluate(store, known, progress)
-    chosen = _chosen(found, known, globs, engines)
+    chosen = _chosen_findings(found, known, globs, engines)
     counts = Counter(each.verdict for each in chosen)
     if globs:
         _details(chosen)
     elif set(counts) == {"not-measured"}:
-        _known(chosen)
+        _known_sizes(chosen)
     else:
         _table(chosen)
     console().print(", ".join(f"{counts[verdict]} {verdict}" for verdict in FINDING_VERDICTS if counts[verdict]))
@@ -119,9 +119,9 @@ def findings(
     raise typer.Exit(exit_code(chosen))
 
 
-def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_file: Path | None) -> int:
-    """Run engines where findings of others are seen, and say which of these they show (`alike`)."""
-    from ninedisk.harness.results.findings import alike, evaluate, exit_code
+def _compare_engines(commands: Sequence[str], known: Sequence[Finding], store: Path, json_file: Path | None) -> int:
+    """Run engines where findings of others are seen, and say which of these they show (`shows_finding`)."""
+    from ninedisk.harness.results.findings import evaluate, exit_code, shows_finding
     from ninedisk.harness.wire.command import CommandEngine
 
     asked = {
@@ -147,13 +147,13 @@ def _alike(commands: Sequence[str], known: Sequence[Finding], store: Path, json_
         for each in of_engine:
             if each.verdict != "not-measured":
                 other = known_of.get(each.id)
-                word = alike(other, each, own[each.id]) if other else each.verdict
-                shown.add_row(share(each.size), word, *(printable(part) for part in (each.id, each.what)))
+                word = shows_finding(other, each, own[each.id]) if other else each.verdict
+                shown.add_row(share(each.size), word, *(one_line(part) for part in (each.id, each.what)))
         out.print(f"{engine.id}: what is known of other engines, and what it declares itself")
         out.print(shown)
         reasons = Counter(each.reason for each in of_engine if each.verdict == "not-measured")
         for reason, count in reasons.most_common():
-            out.print(printable(f"{count} not measured: {reason}"), soft_wrap=True)
+            out.print(one_line(f"{count} not measured: {reason}"), soft_wrap=True)
     if json_file is not None:
         write_rows(json_file, [asdict(each) for each in found])
     return exit_code(each for each in found if each.id not in known_of)
@@ -186,7 +186,7 @@ def _run(sizes: Sequence[Size], engines: Sequence[CommandEngine], store: Path) -
     write_run(store, new_run_id(), results, judge_claims(results), facts)
 
 
-def _chosen(
+def _chosen_findings(
     found: Sequence[EvaluatedFinding], known: Sequence[Finding], globs: Sequence[str], engines: Sequence[str]
 ) -> list[EvaluatedFinding]:
     ids, names = {each.id for each in known} | {each.id for each in found}, {each.engine for each in found}
@@ -211,19 +211,19 @@ def _table(found: Sequence[EvaluatedFinding]) -> None:
     shown = table("size", "verdict", "finding", "what happens", right=("size",), whole=("size", "verdict"))
     for each in (each for each in found if each.verdict != "not-measured"):
         text = each.what if each.verdict == "there" and not each.reason else f"{each.what} [{each.reason}]"
-        shown.add_row(share(each.size), each.verdict, *(printable(part) for part in (each.id, text)))
+        shown.add_row(share(each.size), each.verdict, *(one_line(part) for part in (each.id, text)))
     out = console()
     if shown.rows:
         out.print(shown)
     if left := [each.id for each in found if each.verdict == "not-measured"]:
-        out.print(printable(f"not measured: {', '.join(left)}; `ninedisk findings ID` says why"), soft_wrap=True)
+        out.print(one_line(f"not measured: {', '.join(left)}; `ninedisk findings ID` says why"), soft_wrap=True)
 
 
-def _known(found: Sequence[EvaluatedFinding]) -> None:
+def _known_sizes(found: Sequence[EvaluatedFinding]) -> None:
     """What is known, where the store has no size of it."""
     shown = table("finding", "seen in", "what happens")
     for each in sorted(found, key=lambda each: each.id):
-        shown.add_row(*(printable(part) for part in (each.id, each.versions, each.what)))
+        shown.add_row(*(one_line(part) for part in (each.id, each.versions, each.what)))
     console().print(shown)
 
 
@@ -246,7 +246,7 @@ def _details(found: Sequence[EvaluatedFinding]) -> None:
             "thread": each.thread or "none known",
             "see it": each.command,
         }
-        out.print(printable(each.id))
+        out.print(one_line(each.id))
         for name, text in lines.items():
             if text:
-                out.print(f"  {name}: {printable(text)}", soft_wrap=True)
+                out.print(f"  {name}: {one_line(text)}", soft_wrap=True)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.api.registry import case_table, engine_table, get_case, get_engine, problems
-from ninedisk.harness.api.text import some
+from ninedisk.harness.api.registry import case_table, engine_table, entry_problems, get_case, get_engine
+from ninedisk.harness.api.text import count_noun
 from ninedisk.harness.cli.support import Commands, Group, guarded
 from ninedisk.harness.results.schema import short_variant
 from ninedisk.harness.terminal import console, table
@@ -103,15 +103,15 @@ def show_cases() -> None:
     for case_id, entry in case_table().items():
         try:
             case = get_case(case_id)
-            shown.add_row(case_id, str(len(case.matrix())), case.title + _from(entry.origin))
+            shown.add_row(case_id, str(len(case.matrix())), case.title + _origin(entry.origin))
         except Exception as error:  # an outsider's case must not hide the others
-            shown.add_row(case_id, "", f"broken: {error}" + _from(entry.origin))
+            shown.add_row(case_id, "", f"broken: {error}" + _origin(entry.origin))
     console().print(shown)
     _show_problems()
-    console().print(f"{some(len(case_table()), 'case')}; one of them in full: ninedisk list cases CASE")
+    console().print(f"{count_noun(len(case_table()), 'case')}; one of them in full: ninedisk list cases CASE")
 
 
-def _from(origin: str) -> str:
+def _origin(origin: str) -> str:
     """What another package's case or engine shows of its origin."""
     return "" if origin == "ninedisk" else f" (from {origin})"
 
@@ -132,11 +132,11 @@ def show_case(case_id: str) -> None:
         out.print(line, markup=False, highlight=False)
     shown = table("parameter", "default", "unit", "allowed", "meaning")
     for p in case.parameters:
-        shown.add_row(p.name, _read(p.default), p.unit or "-", allowed(p), p.help)
+        shown.add_row(p.name, _readable(p.default), p.unit or "-", allowed(p), p.help)
     out.print(shown)
     first = case.parameters[0] if case.parameters else None
     variants = case.matrix()
-    out.print(f"{some(len(variants), 'variant')} run by default:", markup=False, highlight=False)
+    out.print(f"{count_noun(len(variants), 'variant')} run by default:", markup=False, highlight=False)
     for row in variants:
         words = [short_variant(f"{name}={format_value(value)}") for name, value in row.items()]
         text = ", ".join(words) or "the defaults"
@@ -146,7 +146,7 @@ def show_case(case_id: str) -> None:
         out.print(f"example: {example}", markup=False, highlight=False)
 
 
-def _read(value: object) -> str:
+def _readable(value: object) -> str:
     """A value to be read, not to be typed: a long number has four digits."""
     from ninedisk.harness.api.params import format_value
 
@@ -163,19 +163,19 @@ def show_engines() -> None:
         try:
             _engine_row(shown, missing, get_engine(engine_id), entry.origin)
         except Exception as error:  # an outsider's adapter must not hide the others
-            shown.add_row(engine_id, f"broken: {error}" + _from(entry.origin), "", "", "", "")
+            shown.add_row(engine_id, f"broken: {error}" + _origin(entry.origin), "", "", "", "")
     out = console()
     out.print(shown)
     for line in missing:
         out.print(line, markup=False, highlight=False)
     _show_problems()
-    count = some(len(engine_table()), "engine")
+    count = count_noun(len(engine_table()), "engine")
     out.print(f"{count}; what one can express and lacks, and its options: ninedisk list engines ENGINE")
 
 
 def _show_problems() -> None:
     """What installed packages announce wrongly, on standard error: the list itself is complete without it."""
-    for problem in problems():
+    for problem in entry_problems():
         typer.echo(f"warning: {problem}", err=True)
 
 
@@ -184,7 +184,7 @@ def _engine_row(shown: Table, missing: list[str], engine: Engine, origin: str) -
 
     info = facts_of(engine)
     version = info.version if info.version is not None else "not installed"
-    shown.add_row(info.id, info.name + _from(origin), version, info.contact, info.licence, info.install)
+    shown.add_row(info.id, info.name + _origin(origin), version, info.contact, info.licence, info.install)
     if not info.installed and info.not_installed_because:
         missing.append(f"{info.id}: {info.not_installed_because}")
 
@@ -217,7 +217,7 @@ def _show_info(info: EngineInfo, origin: str, chosen: Sequence[str]) -> None:
     state = f"version {info.version}" if info.installed else f"not installed: {info.not_installed_because}"
     lines = [
         f"{info.id}: {info.name}, {state}",
-        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {some(info.threads, 'thread')}",
+        f"licence: {info.licence}; runs: {info.how_it_runs}; {info.precision}, {count_noun(info.threads, 'thread')}",
         f"contacts: {info.contact}; scheme: {info.scheme}",
         f"install: {info.install}",
         f"from: {origin}",

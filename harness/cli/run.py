@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import found_and_expected, some
+from ninedisk.harness.api.text import count_noun, found_and_expected
 from ninedisk.harness.cli.support import (
     FAILURE,
     INTERRUPTED,
@@ -31,7 +31,7 @@ from ninedisk.harness.cli.support import (
     refuse_not_installed,
     write_rows,
 )
-from ninedisk.harness.results.lacking import as_default, lacking, ranking_lines, reasons
+from ninedisk.harness.results.lacking import as_default, missing_capabilities, ranking_lines, reasons
 from ninedisk.harness.results.schema import (
     WIDE,
     WORST_FIRST,
@@ -199,7 +199,7 @@ def run(
     if engine and all_engines:
         raise UsageError("--engine and --all-engines exclude each other: give one of them")
     from ninedisk.core.compile import cache_folder
-    from ninedisk.harness.api.registry import match_cases, problems
+    from ninedisk.harness.api.registry import entry_problems, match_cases
     from ninedisk.harness.results.claims import judge_claims
     from ninedisk.harness.results.store import new_run_id, prepare_store, write_run
     from ninedisk.harness.results.whole_file import check_writable
@@ -236,7 +236,7 @@ def run(
     )
     refuse_not_installed({cell.engine_id: cell.engine for cell in cells if cell.engine_id in named})
     gaps.check((cell.engine_id for cell in cells), cells)
-    for note in (*(f"warning: {problem}" for problem in problems()), *check_folder(published, cells)):
+    for note in (*(f"warning: {problem}" for problem in entry_problems()), *check_folder(published, cells)):
         typer.echo(note, err=True)
     prepare_store(store)
     if json_file is not None:
@@ -249,12 +249,12 @@ def run(
             )
     if new_here and {"dem", "cd"} & {cell.engine_id for cell in cells}:
         typer.echo("note: our engines' kernels are compiled first, once: about half a minute for each engine", err=True)
-    started = _now()
+    started = _current_time()
     with ExitStack() as stack:
         cluster = stack.enter_context(_cluster(dask))
         where = {"jobs": at_once} if cluster is None else cluster.facts()
-        journal = Kept.begin(
-            store, cells, run_digest(where, published), resume=resume, tell=partial(typer.echo, err=True)
+        journal = Kept.start(
+            store, cells, run_digest(where, published), resume=resume, notify=partial(typer.echo, err=True)
         )
         for note in journal.notes:
             typer.echo(note, err=True)
@@ -270,12 +270,12 @@ def run(
                 kept=journal.kept,
                 keep=journal.keep,
             )
-        results = [gaps.applied(result) for result in found]
+        results = [gaps.with_known_gaps(result) for result in found]
         claims = judge_claims(results)
         resumed = {"resumed": len(journal.kept)} if journal.kept else {}
         facts = {
             "started": started,
-            "finished": _now(),
+            "finished": _current_time(),
             "provenance": provenance(result.cell for result in results) | where | resumed | gaps.facts(),
             "argv": command_line(),
         }
@@ -285,7 +285,7 @@ def run(
     code = exit_code({status for result in results for status in result.statuses})
     if code == 0 and gaps.closed(found):
         code = 1
-    idle = [] if allow_unsupported else without_a_cell(shown, named, by_case=bool(globs))
+    idle = [] if allow_unsupported else engines_without_cells(shown, named, by_case=bool(globs))
     code = FAILURE if idle else code
     nothing = all(cell["status"] in _NOT_RUN for cell in shown)
     folder: Path | None = None
@@ -321,10 +321,10 @@ def _interruptible(journal: Journal) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        fail(journal.left(), INTERRUPTED)
+        fail(journal.close_unfinished(), INTERRUPTED)
 
 
-def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: bool) -> list[str]:
+def engines_without_cells(cells: Sequence[Row], named: Collection[str], *, by_case: bool) -> list[str]:
     """A message for each named engine, and with ``by_case`` each case, of which no cell ran."""
     groups: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for cell in cells:
@@ -334,7 +334,7 @@ def without_a_cell(cells: Sequence[Row], named: Collection[str], *, by_case: boo
     for (engine, case), group in groups.items():
         if any(cell["status"] not in _NOT_RUN for cell in group):
             continue
-        sets = [frozenset(names) for cell in group if (names := lacking(cell))]
+        sets = [frozenset(names) for cell in group if (names := missing_capabilities(cell))]
         if sets and by_case:
             fewest = min((sorted(each) for each in sets), key=lambda names: (len(names), names))
             why = f"it lacks {', '.join(fewest)}"
@@ -372,7 +372,7 @@ def _cluster(address: str | None) -> AbstractContextManager[Cluster | None]:
     return connected(address)
 
 
-def _now() -> str:
+def _current_time() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
@@ -403,18 +403,18 @@ def show_summary(
     out = console()
     judged = sorted((row for row in rows if row["status"] not in _NOT_RUN), key=_worst_first)
     first, rest = _first_lines(judged, everything)
-    notes = _not_run(cells, 10**9 if everything else NOTES_BESIDE_REASONS if first else MAX_NOTES)
+    notes = _skipped_lines(cells, 10**9 if everything else NOTES_BESIDE_REASONS if first else MAX_NOTES)
     far = _headlines(headlines, 10**9 if everything else HEADLINES_BESIDE_REASONS if first else HEADLINES)
-    room = max(LEAST_OF_TABLE - len(far), MAX_LINES - len(first) - len(notes) - len(far))
+    line_limit = max(LEAST_OF_TABLE - len(far), MAX_LINES - len(first) - len(notes) - len(far))
     for line in first:
         out.print(line, soft_wrap=True)
-    left_out = _print_table(out, rest, room)
+    left_out = _print_table(out, rest, line_limit)
     lines = []
     if left_out:
         lines.append(f"... and {left_out} more: {_counts(Counter(row['status'] for row in rest[-left_out:]))}")
     lines += [*notes, *far]
     ran = [cell for cell in cells if cell["status"] not in _NOT_RUN]
-    lines.append(f"ran: {' on '.join(some(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
+    lines.append(f"ran: {' on '.join(count_noun(len({cell[key] for cell in ran}), key) for key in ('engine', 'case'))}")
     lines.append(f"cells: {_counts(Counter(str(cell['status']) for cell in cells))}")
     if same := sum(as_default(cell) for cell in cells):
         lines[-1] += f"; {same} of the unsupported only repeat the default variant"
@@ -445,7 +445,7 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     if not worst:
         return []
     pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
-    pairs_of = f"{some(len(pairs), 'pair')} of a case and an engine"
+    pairs_of = f"{count_noun(len(pairs), 'pair')} of a case and an engine"
     lines = [f"farthest from the physics, of {pairs_of}, whatever the scheme:"]
     lines += [
         f"{share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
@@ -456,12 +456,12 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     return lines
 
 
-def _print_table(out: Console, judged: Sequence[Row], room: int) -> int:
-    """Print as many rows as fit into ``room`` lines of this terminal; the number of those left out."""
-    for count in range(min(len(judged), room), 0, -1):
+def _print_table(out: Console, judged: Sequence[Row], line_limit: int) -> int:
+    """Print as many rows as fit into ``line_limit`` lines of this terminal; the number of those left out."""
+    for count in range(min(len(judged), line_limit), 0, -1):
         with out.capture() as capture:
             out.print(_table(judged[:count], narrow=out.width < NARROW))
-        if count == 1 or len(capture.get().splitlines()) <= room:
+        if count == 1 or len(capture.get().splitlines()) <= line_limit:
             out.file.write(capture.get())  # printed, its colours would count as letters and break the lines once more
             return len(judged) - count
     return 0
@@ -511,15 +511,15 @@ def _first_lines(judged: Sequence[Row], everything: bool) -> tuple[list[str], li
         place = (row["case"], row["variant"], row["engine"], row["reason"])
         groups.setdefault(place if has_no_value(row) else (k,), []).append(row)
     shown = [*groups.values()][: None if everything else MAX_REASONS]
-    texts = [_said(group) for group in shown]
+    texts = [_check_text(group) for group in shown]
     lines = [line for text in texts for line in text.splitlines()]
     if not everything and len(lines) > REASON_LINES:
-        lines = [_short(text) for text in texts]
+        lines = [_short_reason(text) for text in texts]
     listed = {id(row) for group in shown for row in group}
     return lines, [row for row in judged if id(row) not in listed]
 
 
-def _said(group: Sequence[Row]) -> str:
+def _check_text(group: Sequence[Row]) -> str:
     """One check with its numbers and its reason, or the checks of a cell that lack a number for one reason."""
     row = group[0]
     place = f"{row['status']}: {row['case']} [{row['variant']}] {row['engine']}"
@@ -536,7 +536,7 @@ def _said(group: Sequence[Row]) -> str:
     return f"{place} {row['quantity']}: {'; '.join(text for text in (numbers, reason) if text)} ({row['truth']})"
 
 
-def _short(text: str) -> str:
+def _short_reason(text: str) -> str:
     """One line: what went wrong stands at the beginning, the way out or what the engine said last at the end."""
     lines = [
         line if len(line) <= MAX_LENGTH else f"{line[: MAX_LENGTH // 2]} ... {line[-MAX_LENGTH // 2 :]}"
@@ -545,7 +545,7 @@ def _short(text: str) -> str:
     return " ... ".join([lines[0], *lines[1:][-1:]])
 
 
-def _not_run(cells: Sequence[Row], most: int) -> list[str]:
+def _skipped_lines(cells: Sequence[Row], most: int) -> list[str]:
     """One line for each engine and reason, the most frequent first; if these are more than ``most``, one for each status.
 
     Then what each engine behind a command should declare first.
@@ -559,7 +559,7 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
     if sum(len(kinds) for kinds in found.values()) <= most:
         return [
             *(
-                f"{status}: {engine}, {some(count, 'cell')}: {reason}"
+                f"{status}: {engine}, {count_noun(count, 'cell')}: {reason}"
                 for status, kinds in sorted(found.items())
                 for (engine, reason), count in sorted(kinds.items(), key=lambda each: (each[0][0], -each[1], each[0]))
             ),
@@ -578,7 +578,7 @@ def _not_run(cells: Sequence[Row], most: int) -> list[str]:
                 [f"{same} only repeat the default variant"] if (same := sum(as_default(cell) for cell in cells)) else []
             )
             lines.append(
-                f"{status}: {some(kinds.total(), 'cell')} on {', '.join(engines)}; lacking: {', '.join(words)}"
+                f"{status}: {count_noun(kinds.total(), 'cell')} on {', '.join(engines)}; lacking: {', '.join(words)}"
             )
     return [*lines, *ranked]
 

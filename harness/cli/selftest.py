@@ -79,8 +79,8 @@ def selftest(
     """
     from ninedisk.harness.results.whole_file import check_writable, write_whole
     from ninedisk.harness.selftest.edits import StaleEditError
-    from ninedisk.harness.selftest.gallery import chosen_defects
-    from ninedisk.harness.selftest.run import fine, run_selftest
+    from ninedisk.harness.selftest.mutants import chosen_defects
+    from ninedisk.harness.selftest.run import is_as_expected, run_selftest
     from ninedisk.reports.selftest import selftest_page
 
     defects = chosen_defects(only or [])
@@ -100,7 +100,7 @@ def selftest(
     if html is not None:
         write_whole("--html", html, selftest_page(rows))
     _show(rows)
-    raise typer.Exit(0 if all(fine(row) for row in rows) else MISSED)
+    raise typer.Exit(0 if all(is_as_expected(row) for row in rows) else MISSED)
 
 
 def _list(defects: Sequence[Defect]) -> None:
@@ -112,21 +112,21 @@ def _list(defects: Sequence[Defect]) -> None:
 
 
 def _show(rows: Sequence[Row]) -> None:
-    from ninedisk.harness.api.text import printable
-    from ninedisk.harness.selftest.run import fine, looks_right
+    from ninedisk.harness.api.text import one_line
+    from ninedisk.harness.selftest.run import headlines_agree, is_as_expected
 
     out = console()
     shown = table("", "defect", "kind", "what", "failed", "of", "first of them", right=("failed", "of"))
-    for row in sorted(rows, key=lambda row: (fine(row), not row["hole"])):
-        word = _word(row, fine(row))
+    for row in sorted(rows, key=lambda row: (is_as_expected(row), not row["hole"])):
+        word = _outcome_word(row, is_as_expected(row))
         named = [*row["checks"][:SHOWN], *row["errors"][:1]]
         count = len(row["checks"])
         shown.add_row(word, row["defect"], row["kind"], row["what"], str(count), str(row["judged"]),
-                      printable("; ".join(named))[:160])  # fmt: skip
+                      one_line("; ".join(named))[:160])  # fmt: skip
     out.print(shown)
     wrong = [row for row in rows if row["kind"] != "clean" and not row["hole"]]
     missed = [row["defect"] for row in wrong if not row["caught"]]
-    dirty = [row["defect"] for row in rows if row["kind"] == "clean" and not fine(row)]
+    dirty = [row["defect"] for row in rows if row["kind"] == "clean" and not is_as_expected(row)]
     out.print(
         f"caught: {len(wrong) - len(missed)} of {len(wrong)} defects"
         + (f"; missed: {', '.join(missed)}" if missed else "")
@@ -136,13 +136,13 @@ def _show(rows: Sequence[Row]) -> None:
         named = [f"{row['defect']} ({row['hole']})" for row in holes if row["caught"] == caught]
         if named:
             out.print(f"{title}: {'; '.join(named)}")
-    if blind := [f"{row['defect']} ({', '.join(cases)})" for row in wrong if (cases := looks_right(row))]:
+    if blind := [f"{row['defect']} ({', '.join(cases)})" for row in wrong if (cases := headlines_agree(row))]:
         out.print(f"caught, but no headline of the case moves: {'; '.join(blind)}", soft_wrap=True)
     if dirty:
         out.print(f"unchanged engines that fail: {', '.join(dirty)}")
 
 
-def _word(row: Row, well: bool) -> str:
+def _outcome_word(row: Row, well: bool) -> str:
     if row["hole"]:
         return "closed" if row["caught"] else "hole"
     if well:

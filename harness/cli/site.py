@@ -51,13 +51,13 @@ def site(
 
     stores = store or [Path("results")]
     with CellProgress() as progress:
-        told = (check_site if check else build_site)(
+        reported = (check_site if check else build_site)(
             stores, out, lambda label, done, total: progress(done, total, label)
         )
     if not check:
-        typer.echo(f"site: {told}")
-    elif told:
-        typer.echo(f"differs: {told}", err=True)
+        typer.echo(f"site: {reported}")
+    elif reported:
+        typer.echo(f"differs: {reported}", err=True)
         raise typer.Exit(1)
     else:
         typer.echo(f"every file of {out} follows from the stores")

@@ -106,7 +106,7 @@ def solve(
         with CellProgress() as progress:
             progress(0, 0, f"solving, at most {time_limit:g} s")
             for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
-                reached, said = _solved(found, solver, replace(options, tolerance=share * tolerance), rule)
+                reached, said = _find_answer(found, solver, replace(options, tolerance=share * tolerance), rule)
                 if reached is None:
                     raise typer.Exit(UNSOLVED)
                 answer, errors = reached, judge(found, reached, rule)
@@ -139,7 +139,9 @@ def judge(found: ProblemFile, answer: Answer, sliding: Sliding) -> Errors:
     return errors_of_motion(*planar, problem.mu, answer.r, None, answer.u, associated=associated)
 
 
-def _solved(found: ProblemFile, solver: str, options: SolverOptions, sliding: Sliding) -> tuple[Answer | None, str]:
+def _find_answer(
+    found: ProblemFile, solver: str, options: SolverOptions, sliding: Sliding
+) -> tuple[Answer | None, str]:
     """The answer and who found it; where a solver gave up, the best that it has, if any, and nobody."""
     from ninedisk.core.cd.delassus import DelassusProblem, solve_matrix
     from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError

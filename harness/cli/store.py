@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from ninedisk.harness.api.text import printable, some
+from ninedisk.harness.api.text import count_noun, one_line
 from ninedisk.harness.cli.support import Store, guarded
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.terminal import console, table
@@ -39,14 +39,14 @@ def runs(store: Store = Path("results")) -> None:
       ninedisk runs --store nightly
     """
     from ninedisk.harness.results.schema import WORST_FIRST
-    from ninedisk.harness.results.store import listed
+    from ninedisk.harness.results.store import list_folders
 
-    found = listed(store)
+    found = list_folders(store)
     out = console()
     shown = table("run", "started", "commit", "machine", "engines", "cells", whole=("run", "started", "commit"))
     for run in found:
         if run.facts is None:
-            shown.add_row(printable(run.name), "", "", "", "", printable(run.problem))
+            shown.add_row(one_line(run.name), "", "", "", "", one_line(run.problem))
             continue
         outcome = ", ".join(f"{run.cells[status]} {status}" for status in WORST_FIRST if run.cells[status])
         few = ", ".join(run.engines) if len(run.engines) <= MAX_ENGINES else f"{len(run.engines)} engines"
@@ -57,7 +57,7 @@ def runs(store: Store = Path("results")) -> None:
             run.facts.machine,
             few,
         )
-        shown.add_row(*(printable(text) for text in (*facts, outcome or "none")))
+        shown.add_row(*(one_line(text) for text in (*facts, outcome or "none")))
     if found:
         out.print(shown)
     else:
@@ -163,7 +163,7 @@ def merge(
     from ninedisk.harness.results.store import merge as merge_stores
 
     copied, present = merge_stores(sources, store)
-    typer.echo(f"{some(len(copied), 'run')} copied into {store}, {len(present)} already there")
+    typer.echo(f"{count_noun(len(copied), 'run')} copied into {store}, {len(present)} already there")
 
 
 @guarded
@@ -207,7 +207,7 @@ def export(
     for path in files.values():
         if path is not None:
             write_export(rows, path)
-            typer.echo(f"{path}: {some(len(rows), 'row')} of {some(len(distinct), 'run')}")
+            typer.echo(f"{path}: {count_noun(len(rows), 'row')} of {count_noun(len(distinct), 'run')}")
 
 
 @guarded
@@ -236,7 +236,7 @@ def prune(
 
     from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.results.store import prune as remove
-    from ninedisk.harness.results.store import to_prune
+    from ninedisk.harness.results.store import prune_candidates
 
     try:
         date = None if before is None else datetime.fromisoformat(before)
@@ -244,10 +244,10 @@ def prune(
         raise UsageError(f"--before {before!r} is no date: write year-month-day, for instance 2026-01-31") from error
     if date is not None and date.tzinfo is None:
         date = date.replace(tzinfo=UTC)
-    doomed = to_prune(store, keep=keep, before=date, unreadable=unreadable)
+    doomed = prune_candidates(store, keep=keep, before=date, unreadable=unreadable)
     for each in doomed:
-        typer.echo(f"{'remove' if yes else 'would remove'} {each.path}: {printable(each.reason)}")
+        typer.echo(f"{'remove' if yes else 'would remove'} {each.path}: {one_line(each.reason)}")
     if yes:
         remove(doomed)
     rest = "" if yes or not doomed else "; nothing was removed: add --yes"
-    typer.echo(f"{some(len(doomed), 'run')}{rest}" if doomed else "nothing to remove")
+    typer.echo(f"{count_noun(len(doomed), 'run')}{rest}" if doomed else "nothing to remove")

@@ -24,7 +24,7 @@ def wall_reach(scene: Scene | SphereScene, numerics: Numerics, engine: str) -> f
     EngineError
         If that is no finite length; ``engine`` is the name in the message.
     """
-    reach = 4.0 * (size(scene) + path(scene, numerics))
+    reach = 4.0 * (largest_extent(scene) + longest_path(scene, numerics))
     if not math.isfinite(reach):
         raise EngineError(
             f"{engine}: the bodies' way over the run is no finite length; reduce velocities, dt or n_steps"
@@ -43,13 +43,13 @@ def touch_length(scene: Scene | SphereScene, numerics: Numerics, engine: str) ->
     return TOUCH_ULPS * float(np.spacing(wall_reach(scene, numerics, engine)))
 
 
-def size(scene: Scene | SphereScene) -> float:
+def largest_extent(scene: Scene | SphereScene) -> float:
     """Largest distance from the origin that bodies and walls' points reach at time 0 [m]."""
     far = [float(np.abs(scene.bodies.x).max() + scene.bodies.radius.max())] if len(scene.bodies) else []
     return max([*far, *(max(map(abs, wall.point)) for wall in scene.walls)], default=1.0)
 
 
-def path(scene: Scene | SphereScene, numerics: Numerics) -> float:
+def longest_path(scene: Scene | SphereScene, numerics: Numerics) -> float:
     """Path [m] of the fastest body over the run, were it free: walls must be longer than that."""
     t = numerics.dt * numerics.n_steps
     return top_speed(scene) * t + 0.5 * math.hypot(*scene.gravity) * t * t

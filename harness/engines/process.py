@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 from ninedisk.harness.wire.external import ExternalEngine
 
 SYSTEM_PYTHON = "/usr/bin/python3"
@@ -79,7 +79,12 @@ def system_version(command: tuple[str, ...]) -> tuple[str | None, str]:
     """Version that a command of the system's Python prints, or None and the reason."""
     try:
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=30, env=owned(clean_environment()), check=False
+            command,
+            capture_output=True,
+            text=True,
+            timeout=30,
+            env=guarded_environment(clean_environment()),
+            check=False,
         )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{command[0]} cannot be run: {error}"

@@ -216,7 +216,7 @@ def sphere_laws(scene: SphereScene) -> list[SphereLaw]:
     kinds = {name: names.count(name) for name in names}
     pairs = [(a, b) for a in kinds for b in kinds if a < b or (a == b and kinds[a] > 1)]
     place = {name: (names.index(name), len(names) - 1 - names[::-1].index(name)) for name in kinds}
-    return _once(scene.law(sorted_pair(place[a][0], place[b][1] if a == b else place[b][0])) for a, b in pairs)
+    return _unique(scene.law(sorted_pair(place[a][0], place[b][1] if a == b else place[b][0])) for a, b in pairs)
 
 
 def sorted_pair(i: int, j: int) -> Pair:
@@ -228,7 +228,7 @@ def plane_laws(scene: SphereScene, wall: PlaneWall) -> list[SphereLaw]:
     """The laws that contacts of the scene's spheres with a wall have, each once."""
     number = len(scene.spheres) + scene.walls.index(wall)
     names = scene.spheres.material
-    return _once(scene.law((names.index(name), number)) for name in dict.fromkeys(names))
+    return _unique(scene.law((names.index(name), number)) for name in dict.fromkeys(names))
 
 
 def fit_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
@@ -238,12 +238,14 @@ def fit_arms(scene: SphereScene, fit: Fit, between: str, at_walls: str) -> None:
         return
     asked = [(law, between) for law in sphere_laws(scene)]
     asked += [(law, at_walls) for wall in scene.walls for law in plane_laws(scene, wall)]
-    fit.near |= {LEVER_ARMS[law.lever_arm] for law, own in asked if rough(law) and law.lever_arm != own}
+    fit.near |= {LEVER_ARMS[law.lever_arm] for law, own in asked if carries_shear(law) and law.lever_arm != own}
 
 
 def uneven_planes(scene: SphereScene) -> bool:
     """Whether a wall of 3D that contacts feel moves otherwise than with one velocity and spin."""
-    felt = [wall for wall in scene.walls if any(rough(law) or law.beta > 0.0 for law in plane_laws(scene, wall))]
+    felt = [
+        wall for wall in scene.walls if any(carries_shear(law) or law.beta > 0.0 for law in plane_laws(scene, wall))
+    ]
     return any(any(segment.amplitude) for wall in felt for segment in wall.motion)
 
 
@@ -253,25 +255,25 @@ def disk_laws(scene: Scene) -> list[ContactLaw]:
     for i, name in enumerate(scene.disks.material):
         members.setdefault(name, []).append(i)
     pairs = [(a, b) for k, a in enumerate(members) for b in list(members)[k:]]
-    return _once(scene.law((members[a][0], members[b][-1])) for a, b in pairs if a != b or len(members[a]) > 1)
+    return _unique(scene.law((members[a][0], members[b][-1])) for a, b in pairs if a != b or len(members[a]) > 1)
 
 
 def wall_laws(scene: Scene, wall: Wall) -> list[ContactLaw]:
     """The laws that contacts of the scene's disks with a wall have, each once."""
     number = len(scene.disks) + scene.walls.index(wall)
     first = {name: i for i, name in reversed(list(enumerate(scene.disks.material)))}
-    return _once(scene.law((i, number)) for i in first.values())
+    return _unique(scene.law((i, number)) for i in first.values())
 
 
-def _once(laws: Iterable[AnyLaw]) -> list[AnyLaw]:
+def _unique(laws: Iterable[AnyLaw]) -> list[AnyLaw]:
     return list(dict.fromkeys(laws))
 
 
-def rough(law: ContactLaw | SphereLaw) -> bool:
+def carries_shear(law: ContactLaw | SphereLaw) -> bool:
     """Whether a contact can carry shear."""
     return law.mu > 0.0 and (law.ks > 0.0 or (isinstance(law, SphereLaw) and law.g_star > 0.0))
 
 
-def turns(wall_motion: Sequence[Any]) -> bool:
+def wall_turns(wall_motion: Sequence[Any]) -> bool:
     """Whether a wall with this motion turns."""
     return any(bool(np.any(segment.angular_velocity)) for segment in wall_motion)

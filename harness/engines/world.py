@@ -251,9 +251,9 @@ class WorldSession(ABC):
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
         self.fixed = scene.bodies.fixed.tolist()
-        self.begin()
+        self.initialise()
 
-    def begin(self) -> None:
+    def initialise(self) -> None:
         """Set ``poses``, what is prescribed of spheres, and the angles to 0."""
         self.poses = poses_of(self.scene)
         self.driven = driven_spheres(self.scene) if self.scene.dimension == 3 else []
@@ -279,7 +279,7 @@ class WorldSession(ABC):
             here, facing = self.poses(self.done * self.dt)
             there, to_face = self.poses((self.done + 1) * self.dt)
             for k in range(len(self.scene.walls)):
-                self.drive(k, here[k], there[k], facing[k], turn(facing[k], to_face[k]) / self.dt)
+                self.drive(k, here[k], there[k], facing[k], signed_angle(facing[k], to_face[k]) / self.dt)
         if self.scene.forces:
             for i, load in enumerate(mean_loads(self.scene, self.done * self.dt, (self.done + 1) * self.dt)):
                 if not self.fixed[i]:
@@ -353,7 +353,7 @@ def mean_loads(scene: Scene, begin: float, end: float) -> FloatArray:
     return mean
 
 
-def three(values: Iterable[float] | float) -> list[float]:
+def three_components(values: Iterable[float] | float) -> list[float]:
     """A vector of 2D, at z = 0, or of 3D, or a spin about z, as three numbers."""
     if np.ndim(values) == 0:  # type: ignore[arg-type]
         return [0.0, 0.0, float(values)]  # type: ignore[arg-type]
@@ -361,7 +361,7 @@ def three(values: Iterable[float] | float) -> list[float]:
     return [*flat, *[0.0] * (3 - len(flat))]
 
 
-def turn(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
+def signed_angle(one: FloatArray | tuple[float, float], two: FloatArray) -> float:
     """Signed angle from one direction to another [rad], in (-pi, pi]."""
     return math.atan2(one[0] * two[1] - one[1] * two[0], one[0] * two[0] + one[1] * two[1])
 

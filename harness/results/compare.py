@@ -17,12 +17,12 @@ from typing import Any
 from xml.etree import ElementTree
 
 from ninedisk.harness.api.errors import StoreError, UsageError, close_matches
-from ninedisk.harness.api.text import duration, printable, short, some, times
+from ninedisk.harness.api.text import count_noun, duration, factor_text, one_line, short_number
 from ninedisk.harness.results.error_rules import ERROR_RULE, error_of, judge_errors
 from ninedisk.harness.results.export import FORMATS, read_export
-from ninedisk.harness.results.reader import CellKey, moment, read_about, run_facts, run_ids
+from ninedisk.harness.results.reader import CellKey, read_about, run_facts, run_ids, run_time
 from ninedisk.harness.results.schema import CHANGE_VERDICTS, Change, Comparison, Row, RunFacts, row_tolerance
-from ninedisk.harness.results.store import BROKEN, HEADLINE, NOT_RUN, CheckKey, Snapshot, in_order, load_snapshot
+from ninedisk.harness.results.store import BROKEN, HEADLINE, NOT_RUN, CheckKey, Snapshot, load_snapshot, sorted_runs
 from ninedisk.harness.results.tables import plain_json
 from ninedisk.harness.results.timing_rules import LEAST, TIMING_RULE, WALL_CLOCK, Samples, judge_timings, timing
 
@@ -115,7 +115,7 @@ def _cells(base: Snapshot, head: Snapshot) -> Iterator[Change]:
             continue
         verdict, reason = _judge_cell(before, after)
         statuses = {"base_status": before["status"], "head_status": after["status"]}
-        if verdict != "same" or not _ran(after):
+        if verdict != "same" or not _cell_ran(after):
             yield _change(after, verdict=verdict, reason=reason, **statuses)
 
 
@@ -126,13 +126,13 @@ def _judge_cell(before: Row, after: Row) -> tuple[str, str]:
     if after["status"] in BROKEN:
         return ("same" if before["status"] in BROKEN else "worse"), str(after["reason"])
     if before["status"] in BROKEN:
-        return ("better", "it runs again") if _ran(after) else ("lost", str(after["reason"]))
-    if _ran(before) and not _ran(after):
+        return ("better", "it runs again") if _cell_ran(after) else ("lost", str(after["reason"]))
+    if _cell_ran(before) and not _cell_ran(after):
         return "lost", str(after["reason"])
-    return ("new", "it did not run in BASE") if _ran(after) and not _ran(before) else ("same", "")
+    return ("new", "it did not run in BASE") if _cell_ran(after) and not _cell_ran(before) else ("same", "")
 
 
-def _ran(cell: Row) -> bool:
+def _cell_ran(cell: Row) -> bool:
     return cell["status"] not in BROKEN | NOT_RUN
 
 
@@ -141,19 +141,19 @@ def _shared(base: Snapshot, head: Snapshot, different: set[CellKey]) -> list[Cel
     return [
         key
         for key, cell in head.cells.items()
-        if key in base.cells and key not in different and _ran(cell) and _ran(base.cells[key])
+        if key in base.cells and key not in different and _cell_ran(cell) and _cell_ran(base.cells[key])
     ]
 
 
 def _errors(base: Snapshot, head: Snapshot, different: set[CellKey]) -> Iterator[Change]:
     """Of all checks of the cells that both have; of headlines only where both runs have any, which those of older schemas have not."""
-    told = all(
+    reported = all(
         any(check[2] == HEADLINE for of_cell in run.checks.values() for check in of_cell) for run in (base, head)
     )
     for key in _shared(base, head, different):
         before, after = base.checks.get(key, {}), head.checks.get(key, {})
         for check in {**before, **after}:
-            if check[2] == HEADLINE and not told:
+            if check[2] == HEADLINE and not reported:
                 continue
             yield _error(before.get(check), after.get(check), check)
 
@@ -197,7 +197,7 @@ def _timings(base: Side, head: Side, different: set[CellKey]) -> Iterator[Change
         return
     if apart:
         words = f"not comparable: timings of {machines[0]} and of {machines[1]}"
-        yield _every("not-comparable", NAN, NAN, words)
+        yield _all_samples("not-comparable", NAN, NAN, words)
         return
     found, common = judge_timings(samples)
     for (key, kind), judged in found.items():
@@ -210,7 +210,7 @@ def _timings(base: Side, head: Side, different: set[CellKey]) -> Iterator[Change
             "all timings moved together although the reference computation did not: something that every engine uses, or a "
             "machine that slows them more than it; with few runs a side it is taken out of each timing"
         )
-        yield _every("suspect" if common > 1.0 else "same", 1.0, common, reason)
+        yield _all_samples("suspect" if common > 1.0 else "same", 1.0, common, reason)
 
 
 def _seconds(one: Side, key: CellKey, kind: str) -> list[float]:
@@ -226,7 +226,7 @@ def _seconds(one: Side, key: CellKey, kind: str) -> list[float]:
     return held
 
 
-def _every(verdict: str, before: float, after: float, reason: str) -> Change:
+def _all_samples(verdict: str, before: float, after: float, reason: str) -> Change:
     nowhere = {"case": EVERY, "case_version": 0, "variant": "", "engine": ""}
     return _change(nowhere, kind="timing", verdict=verdict, base=before, head=after, unit="1", reason=reason,
                    base_status="", head_status="")  # fmt: skip
@@ -266,7 +266,7 @@ def resolve(word: str, store: Path) -> list[Snapshot]:
         if path.suffix in FORMATS:
             raise UsageError(f"there is no file {word!r}: {MEANINGS}")
         wanted = [ids[_index(word, ids, store)]]
-    return in_order(load_snapshot(store, run_id) for run_id in wanted)
+    return sorted_runs(load_snapshot(store, run_id) for run_id in wanted)
 
 
 def one_stored(word: str, store: Path) -> str:
@@ -299,13 +299,13 @@ def _folder(path: Path) -> list[Snapshot]:
 def _not_empty(runs: list[Snapshot], word: str) -> list[Snapshot]:
     if not runs:
         raise UsageError(f"{word!r} holds no finished run: {MEANINGS}")
-    return in_order(runs)
+    return sorted_runs(runs)
 
 
 def _ids_by_time(store: Path) -> list[str]:
     """Ids of the finished runs by their start, oldest first: an id from elsewhere need not sort by time."""
     facts = [run_facts(read_about(store, run_id)) for run_id in run_ids(store)]
-    return [each.run_id for each in sorted(facts, key=lambda each: (moment(each.started), each.run_id))]
+    return [each.run_id for each in sorted(facts, key=lambda each: (run_time(each.started), each.run_id))]
 
 
 def _index(word: str, ids: list[str], store: Path) -> int:
@@ -315,7 +315,9 @@ def _index(word: str, ids: list[str], store: Path) -> int:
         if not ids:
             raise UsageError(f"the store {str(store)!r} has no finished run: run `ninedisk run --store {store}` first")
         if back >= len(ids):
-            raise UsageError(f"{word!r} is too far back: the store {str(store)!r} has {some(len(ids), 'finished run')}")
+            raise UsageError(
+                f"{word!r} is too far back: the store {str(store)!r} has {count_noun(len(ids), 'finished run')}"
+            )
         return len(ids) - 1 - back
     found = [k for k, run_id in enumerate(ids) if run_id == word or (word and run_id.startswith(word))]
     if len(found) == 1 or word in ids:
@@ -364,17 +366,17 @@ def markdown(comparison: Comparison) -> str:
     return "\n".join([*lines, "", "</details>", ""])
 
 
-def numbers(change: Change) -> tuple[str, str, str, str]:
+def change_numbers(change: Change) -> tuple[str, str, str, str]:
     """Base, head, factor and tolerance as text."""
     if change.kind == "timing" and change.unit == "s":
-        return duration(change.base), duration(change.head), times(change.base, change.head), "-"
+        return duration(change.base), duration(change.head), factor_text(change.base, change.head), "-"
     unit = f" {change.unit}" if change.unit not in ("", "-", "1") else ""
-    values = [text if (text := short(value)) == "-" else text + unit
+    values = [text if (text := short_number(value)) == "-" else text + unit
               for value in (change.base, change.head, change.tolerance)]  # fmt: skip
-    return values[0], values[1], times(change.base, change.head), values[2]
+    return values[0], values[1], factor_text(change.base, change.head), values[2]
 
 
-def what(change: Change) -> str:
+def changed_quantity(change: Change) -> str:
     """The quantity with its kind of truth, the timing, or the cell."""
     if change.kind == "cell":
         return "cell"
@@ -397,12 +399,12 @@ def junit(comparison: Comparison) -> str:
     for side in ("base", "head"):
         for name, value in asdict(getattr(comparison, side)).items():
             shown = json.dumps(dict(value)) if isinstance(value, dict) else str(value)
-            ElementTree.SubElement(properties, "property", name=f"{side}.{name}", value=printable(shown))
+            ElementTree.SubElement(properties, "property", name=f"{side}.{name}", value=one_line(shown))
     for change in comparison.changes:
-        name = " ".join(part for part in (change.variant, change.engine, what(change)) if part)
-        test = ElementTree.SubElement(suite, "testcase", classname=printable(change.case), name=printable(name))
-        base, head, factor, allowed = numbers(change)
-        text = printable(f"{change.reason} (base {base}, head {head}, {factor}, tolerance {allowed})")
+        name = " ".join(part for part in (change.variant, change.engine, changed_quantity(change)) if part)
+        test = ElementTree.SubElement(suite, "testcase", classname=one_line(change.case), name=one_line(name))
+        base, head, factor, allowed = change_numbers(change)
+        text = one_line(f"{change.reason} (base {base}, head {head}, {factor}, tolerance {allowed})")
         if change.verdict == "worse":
             ElementTree.SubElement(test, "failure", type=change.kind, message=text)
         elif change.verdict in ("lost", "not-comparable"):
@@ -428,8 +430,8 @@ def _run(name: str, facts: RunFacts, runs: int) -> str:
 
 
 def _row(change: Change) -> str:
-    base, head, factor, allowed = (_plain(text) for text in numbers(change))
-    words = (change.case, change.variant, change.engine, what(change))
+    base, head, factor, allowed = (_plain(text) for text in change_numbers(change))
+    words = (change.case, change.variant, change.engine, changed_quantity(change))
     cells = [_plain(word) or "-" for word in words]
     why = _plain(change.reason[:300])
     head_cell = f"**{head}**" if change.verdict == "worse" and head != "-" else head
@@ -439,4 +441,4 @@ def _row(change: Change) -> str:
 
 def _plain(text: str) -> str:
     """Text that Markdown shows as it stands: on one line, every active character as a numeric entity."""
-    return _ACTIVE.sub(lambda match: f"&#{ord(match[0])};", printable(text))
+    return _ACTIVE.sub(lambda match: f"&#{ord(match[0])};", one_line(text))

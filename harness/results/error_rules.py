@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ninedisk.harness.api.text import found_and_expected, short
+from ninedisk.harness.api.text import found_and_expected, short_number
 from ninedisk.harness.results.schema import Row, row_tolerance
 
 QUIET = 0.1
@@ -31,7 +31,7 @@ def error_of(row: Row) -> float:
     return math.inf if math.isnan(error) and row["status"] == "fail" else error
 
 
-def grew(before: float, after: float, allowed: float, factor: float = GROWTH) -> bool:
+def has_grown(before: float, after: float, allowed: float, factor: float = GROWTH) -> bool:
     """Whether an error grew by more than ``factor`` and lies beyond round-off's share of the tolerance ``allowed``."""
     return after > QUIET * allowed and after > factor * before
 
@@ -41,7 +41,7 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
     before, after = error_of(base), error_of(head)
     allowed_before, allowed = row_tolerance(base), row_tolerance(head)
     moved = abs(allowed - allowed_before) > SAME_TOLERANCE * max(allowed, allowed_before)
-    note = f"; its tolerance changed from {short(allowed_before)} to {short(allowed)}" if moved else ""
+    note = f"; its tolerance changed from {short_number(allowed_before)} to {short_number(allowed)}" if moved else ""
     failed, fails = base["status"] == "fail", head["status"] == "fail"
     if fails and not failed:
         return "worse", f"now outside its tolerance{_numbers(head)}{note}"
@@ -51,11 +51,11 @@ def judge_errors(base: Row, head: Row) -> tuple[str, str]:
         return "better", f"inside its tolerance again{note}"
     if math.isnan(before) or math.isnan(after):
         return "same", "no truth speaks about it"
-    if grew(before, after, allowed):
+    if has_grown(before, after, allowed):
         inside = f", {'outside' if fails else 'still inside'} its tolerance" if head["status"] else ""
         return "worse", f"{_times(before, after)} the error{inside}{_numbers(head)}{note}"
-    if grew(after, before, allowed_before):
-        return "better", f"a fraction {short(after / before)} of the error{note}"
+    if has_grown(after, before, allowed_before):
+        return "better", f"a fraction {short_number(after / before)} of the error{note}"
     if head["status"] == "gap-closed" and base["status"] == "known-gap":
         return "better", "a known gap has closed"
     if moved and allowed > allowed_before:
@@ -73,4 +73,4 @@ def _numbers(head: Row) -> str:
 
 
 def _times(before: float, after: float) -> str:
-    return f"{short(after / before)} times" if before > 0.0 else "it was exact; now"
+    return f"{short_number(after / before)} times" if before > 0.0 else "it was exact; now"

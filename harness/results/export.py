@@ -13,9 +13,9 @@ from typing import IO, Any
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.results.reader import cell_key, check_schema
 from ninedisk.harness.results.schema import CELL_COLUMNS, EMPTY, MEASUREMENT_COLUMNS, SCHEMA_VERSION, Row, RunFacts
-from ninedisk.harness.results.store import Snapshot, in_order, snapshot
+from ninedisk.harness.results.store import Snapshot, snapshot, sorted_runs
 from ninedisk.harness.results.tables import of_rows, plain_json, write_table
-from ninedisk.harness.results.whole_file import written
+from ninedisk.harness.results.whole_file import open_whole
 
 RUN_COLUMNS = {
     "schema_version": "int64",
@@ -79,7 +79,7 @@ def write_export(rows: Sequence[Row], path: Path) -> None:
     writers = {".csv": _write_csv, ".json": _write_json, ".parquet": _write_parquet}
     if path.suffix not in writers:
         raise StoreError(f"{str(path)!r} has no known ending: give a file that ends in {', '.join(FORMATS)}")
-    with written(path) as stream:
+    with open_whole(path) as stream:
         writers[path.suffix](rows, stream)
 
 
@@ -128,7 +128,7 @@ def _runs(rows: Iterable[Row]) -> list[Snapshot]:
         )
         cells = {cell_key(row): row | {"status": row["cell_status"], "reason": row["cell_reason"]} for row in group}
         found.append(snapshot(facts, cells.values(), group))
-    return in_order(found)
+    return sorted_runs(found)
 
 
 def _typed(value: Any, kind: str) -> Any:

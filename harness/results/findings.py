@@ -22,7 +22,15 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.api.finding import Finding, Size, sign_of
-from ninedisk.harness.results.reader import CellKey, cell_key, moment, read_about, read_determinism, read_rows, run_ids
+from ninedisk.harness.results.reader import (
+    CellKey,
+    cell_key,
+    read_about,
+    read_determinism,
+    read_rows,
+    run_ids,
+    run_time,
+)
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding, Row, row_tolerance
 
 Progress = Callable[[int, int, str], None]
@@ -106,7 +114,7 @@ def _cells(store: Path, findings: Sequence[Finding], progress: Progress | None) 
     """The newest two of each cell, the newest first, as far as findings ask for them or rows name a difference."""
     abouts = sorted(
         (read_about(store, run_id) for run_id in run_ids(store)),
-        key=lambda about: moment(str(about["started"])),
+        key=lambda about: run_time(str(about["started"])),
         reverse=True,
     )
     asked = {(each.size.case, name) for each in findings for name in (each.size.quantity, each.size.per) if name}
@@ -158,7 +166,7 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
     numbers = [each for each in readings if not each[0].reason]
     if not numbers:
         return replace(blank, engine_version=str(mine[0][0].cell["engine_version"]), reason=readings[0][0].reason)
-    same = [each for each in numbers if _has_sign(size, each[0])]
+    same = [each for each in numbers if _sign_matches(size, each[0])]
     largest, held = max(same or numbers, key=lambda each: each[0].size)
     row, before = largest.row, [each for each in _readings(size, held[1]) if not each.reason] if len(held) > 1 else []
     least = min(
@@ -198,7 +206,7 @@ def _evaluated(finding: Finding, engine: str, cells: Mapping[CellKey, Sequence[K
     return replace(found, verdict=verdict, reason=reason)
 
 
-def _has_sign(size: Size, reading: Reading) -> bool:
+def _sign_matches(size: Size, reading: Reading) -> bool:
     return size.sign in (0, sign_of(_number(reading.row, "value"), _number(reading.row, "expected")))
 
 
@@ -206,7 +214,7 @@ SIMILAR = 2.0
 """Sizes that differ by no more than this factor are similar: steps and softness of two engines with one cause do that."""
 
 
-def alike(finding: Finding, seen: EvaluatedFinding, own: float) -> str:
+def shows_finding(finding: Finding, seen: EvaluatedFinding, own: float) -> str:
     """Whether another engine shows a finding, in words: ``no``, ``yes``, ``similar size`` or ``other size``.
 
     ``yes`` needs a finding whose size shows all that its words say (`Finding.cause_tested`). For others the sign is right and the size
@@ -239,10 +247,12 @@ def _readings(size: Size, kept: Kept) -> list[Reading]:
     """What each matching row of a cell says, or one reading without a number that says why there is none."""
     if size.column == "broken":
         status = str(kept.cell["status"])
-        return [_nothing(kept, "") if status in _NOT_RUN else Reading(float(status in _BROKEN), kept.cell)]
+        return [_no_number(kept, "") if status in _NOT_RUN else Reading(float(status in _BROKEN), kept.cell)]
     if size.table in ("cells", "determinism"):
         value = _number(kept.cell, size.column)
-        return [Reading(abs(value), kept.cell) if value == value else _nothing(kept, f"the cell has no {size.column}")]
+        return [
+            Reading(abs(value), kept.cell) if value == value else _no_number(kept, f"the cell has no {size.column}")
+        ]
     if size.table == "headlines":
         rows = [row for row in kept.headlines if row["headline"] == size.quantity]
     else:
@@ -255,10 +265,10 @@ def _readings(size: Size, kept: Kept) -> list[Reading]:
     found = [_reading(size, row, kept) for row in rows if row.get("status") != "no-truth"]
     # One row that was tampered with takes the others' word, too: the largest of them may be what it hides.
     torn = [each for each in found if _contradiction(each.row)]
-    return torn or found or [_nothing(kept, f"the cell ran and nothing there measures {size.quantity!r}")]
+    return torn or found or [_no_number(kept, f"the cell ran and nothing there measures {size.quantity!r}")]
 
 
-def _nothing(kept: Kept, otherwise: str) -> Reading:
+def _no_number(kept: Kept, otherwise: str) -> Reading:
     status = str(kept.cell["status"])
     ran = status not in _NOT_RUN | _BROKEN
     return Reading(math.nan, kept.cell, otherwise if ran else f"{status}: {kept.cell['reason']}")

@@ -32,7 +32,7 @@ def as_default(cell: Row) -> bool:
     return bool(cell["status"] == "unsupported" and str(cell["reason"]).endswith(AS_DEFAULT))
 
 
-def lacking(cell: Row) -> tuple[str, ...]:
+def missing_capabilities(cell: Row) -> tuple[str, ...]:
     """Names of the capabilities that an unsupported cell lacks, as a description has them; none where its reason is another."""
     if cell["status"] != "unsupported" or as_default(cell):
         return ()
@@ -44,14 +44,14 @@ def reasons(cells: Iterable[Row]) -> list[tuple[str, int]]:
     found: Counter[str] = Counter()
     for cell in cells:
         if cell["status"] == "unsupported" and not as_default(cell):
-            names = lacking(cell)
+            names = missing_capabilities(cell)
             found[", ".join(names) if names else str(cell["reason"]).partition("\n")[0]] += 1
     return sorted(found.items(), key=lambda each: (-each[1], each[0]))
 
 
 def ranking(cells: Iterable[Row]) -> Ranking:
     """Rank what one engine should declare; ``cells`` are all of that engine."""
-    sets = Counter(frozenset(names) for cell in cells if (names := lacking(cell)))
+    sets = Counter(frozenset(names) for cell in cells if (names := missing_capabilities(cell)))
     alone = sorted(
         ((next(iter(each)), n) for each, n in sets.items() if len(each) == 1), key=lambda it: (-it[1], it[0])
     )
@@ -74,10 +74,10 @@ def ranking_lines(engine: str, cells: Sequence[Row]) -> list[str]:
     lines = []
     if alone:
         words = [f"{name} {_cells(count)}" if k == 0 else f"{name} {count}" for k, (name, count) in enumerate(alone)]
-        lines.append(f"{engine}: each of these alone would unlock: {_few(words)}")
+        lines.append(f"{engine}: each of these alone would unlock: {_short_list(words)}")
     if len(together) > 1 or (together and not alone):
         words = [f"{' and '.join(names)} {count}" for names, count in together]
-        lines.append(f"{engine}: declared in this order, cells unlocked in all: {_few(words)}")
+        lines.append(f"{engine}: declared in this order, cells unlocked in all: {_short_list(words)}")
     return lines
 
 
@@ -85,7 +85,7 @@ def _cells(count: int) -> str:
     return f"{count} cell{'' if count == 1 else 's'}"
 
 
-def _few(words: Sequence[str]) -> str:
+def _short_list(words: Sequence[str]) -> str:
     return ", ".join(words[:MOST_STEPS]) + (
         f", ... ({len(words) - MOST_STEPS} more)" if len(words) > MOST_STEPS else ""
     )

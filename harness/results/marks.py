@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ninedisk.harness.api.text import short
+from ninedisk.harness.api.text import short_number
 from ninedisk.harness.results.change_points import FEWEST, LONGEST, ChangePoint, FloatArray, find_change
-from ninedisk.harness.results.error_rules import GROWTH, QUIET, grew
+from ninedisk.harness.results.error_rules import GROWTH, QUIET, has_grown
 from ninedisk.harness.results.schema import GATED_SECONDS, Point, Shift
 from ninedisk.harness.results.timing_rules import FALSE_ALARMS, LEAST
 
@@ -65,16 +65,16 @@ def _judge(level: Sequence[Point], point: Point, step: float) -> tuple[str, str]
     fails, failed = point.status == "fail", [each.status == "fail" for each in level]
     if fails and not any(failed):
         return "worse", "outside its tolerance since then"
-    if grew(most, point.value, point.tolerance, GROWTH * step):
+    if has_grown(most, point.value, point.tolerance, GROWTH * step):
         return (
             "worse",
-            f"{short(point.value / most)} times the error" if most > 0.0 else "an error where there was none",
+            f"{short_number(point.value / most)} times the error" if most > 0.0 else "an error where there was none",
         )
     # A line that flickers around its tolerance is not back inside: it must get there by more than its usual step.
     if not fails and all(failed) and point.value * step ** (1.0 / RESTLESS) < CLEARLY * least:
         return "better", "inside its tolerance since then"
-    if grew(point.value, least, level[-1].tolerance, GROWTH * step):
-        return "better", f"a fraction {short(point.value / least)} of the error"
+    if has_grown(point.value, least, level[-1].tolerance, GROWTH * step):
+        return "better", f"a fraction {short_number(point.value / least)} of the error"
     return None
 
 
@@ -120,7 +120,7 @@ def timing_shifts(logs: FloatArray, lines: int, *, drifts: bool = False) -> tupl
         Whether the line may wander, so that only a jump is a mark.
     """
     begin = max(0, len(logs) - LONGEST)
-    cuts = _cuts(logs[begin:], begin, lines, drifts)
+    cuts = _change_cuts(logs[begin:], begin, lines, drifts)
     edges = [begin, *(cut.at for cut in cuts), len(logs)]
     levels = [float(np.median(logs[a:b])) for a, b in pairwise(edges)]
     found = []
@@ -134,7 +134,7 @@ def timing_shifts(logs: FloatArray, lines: int, *, drifts: bool = False) -> tupl
     return with_open(found)
 
 
-def _cuts(logs: FloatArray, offset: int, lines: int, drifts: bool) -> list[ChangePoint]:
+def _change_cuts(logs: FloatArray, offset: int, lines: int, drifts: bool) -> list[ChangePoint]:
     """The most striking change, then what is left on either side of it, in the order of the runs."""
     best = find_change(logs)
     if best is None or best.chance * lines >= FALSE_ALARMS:
@@ -143,14 +143,14 @@ def _cuts(logs: FloatArray, offset: int, lines: int, drifts: bool) -> list[Chang
     before, after = float(np.median(logs[:at])), float(np.median(logs[at:]))
     if abs(after - before) < LEAST or (not drifts and math.exp(min(after, before)) < GATED_SECONDS):
         return []
-    if drifts and not _jumps(logs, at):
+    if drifts and not _medians_jump(logs, at):
         return []
     here = ChangePoint(offset + at, offset + best.first, offset + best.last, best.chance * lines)
-    parts = (_cuts(logs[:at], offset, lines, drifts), _cuts(logs[at:], offset + at, lines, drifts))
+    parts = (_change_cuts(logs[:at], offset, lines, drifts), _change_cuts(logs[at:], offset + at, lines, drifts))
     return [*parts[0], here, *parts[1]]
 
 
-def _jumps(logs: FloatArray, at: int) -> bool:
+def _medians_jump(logs: FloatArray, at: int) -> bool:
     """Whether the medians of the `NEAR` runs on either side lie farther apart than a wandering line takes them."""
     steps = np.abs(np.diff(logs))
     apart = abs(float(np.median(logs[at : at + NEAR])) - float(np.median(logs[max(0, at - NEAR) : at])))

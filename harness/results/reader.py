@@ -217,7 +217,7 @@ def _load(found: Mapping[str, Any]) -> str:
     return f"{jobs} cells at once{where}" if where or (isinstance(jobs, int) and jobs > 1) else ""
 
 
-def moment(started: str) -> datetime:
+def run_time(started: str) -> datetime:
     """The time of a run; the earliest of all where it cannot be read."""
     try:
         found = datetime.fromisoformat(started)

@@ -23,12 +23,12 @@ from ninedisk.harness.api.errors import NewerSchemaError, StoreError, UsageError
 from ninedisk.harness.results.reader import (
     CellKey,
     cell_key,
-    moment,
     read_about,
     read_rows,
     read_run,
     run_facts,
     run_ids,
+    run_time,
 )
 from ninedisk.harness.results.schema import (
     CELL_COLUMNS,
@@ -148,7 +148,7 @@ def write_run(
     return final
 
 
-def unfinished(store: Path) -> list[Path]:
+def unfinished_folders(store: Path) -> list[Path]:
     """Folders that a writer left behind half-written, or is writing now."""
     runs = store / "runs"
     if not runs.is_dir():
@@ -201,12 +201,12 @@ def as_check(headline: Row) -> Row:
 
 def load_snapshots(store: Path) -> list[Snapshot]:
     """Every finished run, oldest first; StoreError for the first that cannot be read."""
-    return in_order(load_snapshot(store, run_id) for run_id in run_ids(store))
+    return sorted_runs(load_snapshot(store, run_id) for run_id in run_ids(store))
 
 
-def in_order(snapshots: Iterable[Snapshot]) -> list[Snapshot]:
+def sorted_runs(snapshots: Iterable[Snapshot]) -> list[Snapshot]:
     """Oldest first, by the moment at which the run began."""
-    return sorted(snapshots, key=lambda each: (moment(each.facts.started), each.facts.run_id))
+    return sorted(snapshots, key=lambda each: (run_time(each.facts.started), each.facts.run_id))
 
 
 def snapshot(facts: RunFacts, cells: Iterable[Row], checks: Iterable[Row]) -> Snapshot:
@@ -224,7 +224,7 @@ def snapshot(facts: RunFacts, cells: Iterable[Row], checks: Iterable[Row]) -> Sn
 
 
 @dataclass(frozen=True)
-class Listed:
+class ListedFolder:
     """A folder of a store; ``facts`` is None and ``problem`` says why if it cannot be read."""
 
     name: str
@@ -234,7 +234,7 @@ class Listed:
     problem: str
 
 
-def listed(store: Path) -> list[Listed]:
+def list_folders(store: Path) -> list[ListedFolder]:
     """Every folder of a store, oldest run first, those that cannot be read at the end."""
     found = []
     for run_id in run_ids(store):
@@ -242,13 +242,15 @@ def listed(store: Path) -> list[Listed]:
             about = read_about(store, run_id)
             cells = read_rows(store, about, "cells", ("engine", "status"))
         except StoreError as error:
-            found.append(Listed(run_id, None, Counter(), (), str(error)))
+            found.append(ListedFolder(run_id, None, Counter(), (), str(error)))
             continue
         statuses = Counter(str(cell["status"]) for cell in cells)
         engines = tuple(sorted({str(cell["engine"]) for cell in cells}))
-        found.append(Listed(run_id, run_facts(about), statuses, engines, ""))
-    found.sort(key=lambda run: (run.facts is None, moment(run.facts.started if run.facts else ""), run.name))
-    left = [Listed(path.name, None, Counter(), (), "half-written: never read") for path in unfinished(store)]
+        found.append(ListedFolder(run_id, run_facts(about), statuses, engines, ""))
+    found.sort(key=lambda run: (run.facts is None, run_time(run.facts.started if run.facts else ""), run.name))
+    left = [
+        ListedFolder(path.name, None, Counter(), (), "half-written: never read") for path in unfinished_folders(store)
+    ]
     return [*found, *left]
 
 
@@ -304,16 +306,16 @@ def _same(one: Path, two: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class Doomed:
+class PruneCandidate:
     """A folder, or the file of an interrupted run, that `prune` would remove, and why."""
 
     path: Path
     reason: str
 
 
-def to_prune(
+def prune_candidates(
     store: Path, *, keep: int | None = None, before: datetime | None = None, unreadable: bool = False
-) -> list[Doomed]:
+) -> list[PruneCandidate]:
     """What there is to remove: stale half-written folders and interrupted runs, and what is asked for.
 
     Parameters
@@ -333,29 +335,29 @@ def to_prune(
     """
     now = time.time()
     found = [
-        Doomed(path, "half-written, untouched for a day")
-        for path in unfinished(store)
+        PruneCandidate(path, "half-written, untouched for a day")
+        for path in unfinished_folders(store)
         if now - path.stat().st_mtime > STALE_SECONDS
     ]
     found += [
-        Doomed(path, "interrupted run, untouched for a day")
+        PruneCandidate(path, "interrupted run, untouched for a day")
         for path in sorted((store / INTERRUPTED).glob("*.journal"))
         if now - path.stat().st_mtime > STALE_SECONDS
     ]
     bad = _unreadable(store) if unreadable else {}
-    found += [Doomed(store / "runs" / run_id, problem) for run_id, problem in bad.items()]
+    found += [PruneCandidate(store / "runs" / run_id, problem) for run_id, problem in bad.items()]
     if keep is None and before is None:
         return found
     ages = {
-        run_id: moment(run_facts(read_about(store, run_id)).started) for run_id in run_ids(store) if run_id not in bad
+        run_id: run_time(run_facts(read_about(store, run_id)).started) for run_id in run_ids(store) if run_id not in bad
     }
     ordered = sorted(ages, key=lambda run_id: (ages[run_id], run_id))
     for place, run_id in enumerate(ordered):
         path = store / "runs" / run_id
         if keep is not None and place < len(ordered) - keep:
-            found.append(Doomed(path, f"not among the newest {keep}"))
+            found.append(PruneCandidate(path, f"not among the newest {keep}"))
         elif before is not None and ages[run_id] < before:
-            found.append(Doomed(path, f"older than {before:%Y-%m-%d}"))
+            found.append(PruneCandidate(path, f"older than {before:%Y-%m-%d}"))
     return found
 
 
@@ -371,7 +373,7 @@ def _unreadable(store: Path) -> dict[str, str]:
     return found
 
 
-def prune(doomed: Sequence[Doomed]) -> None:
+def prune(doomed: Sequence[PruneCandidate]) -> None:
     """Remove folders, and files of interrupted runs: each folder is renamed to a name that no reader looks at before its files go.
 
     Raises

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ninedisk.harness.api.text import some
+from ninedisk.harness.api.text import count_noun
 from ninedisk.harness.results.change_points import DEVIATION_OF_DEVIATION, FloatArray, chance_of_order, deviation
 from ninedisk.harness.results.schema import GATED_SECONDS, REFERENCE_SECONDS, Row, standard_seconds
 
@@ -99,7 +99,7 @@ def judge_timings(samples: Mapping[Any, Samples]) -> tuple[dict[Any, TimingVerdi
     """
     moves = {key: math.log(median(each.head) / median(each.base)) for key, each in samples.items()}
     # What is too short to be judged would only add its noise.
-    judged = np.array([moves[key] for key, each in samples.items() if _shorter(each) >= GATED_SECONDS])
+    judged = np.array([moves[key] for key, each in samples.items() if _faster_seconds(each) >= GATED_SECONDS])
     many, tests = len(judged) >= MANY, max(len(judged), 1)
     common = float(np.median(judged)) if many else 0.0
     scatter = deviation(judged - common) if many else 0.0
@@ -118,12 +118,12 @@ def judge_timings(samples: Mapping[Any, Samples]) -> tuple[dict[Any, TimingVerdi
             limit = max(WIDE * uncertain * noise, WIDE * each.spread, BEYOND_NEIGHBOURS * speed_up)
             if runs < FEW_ALONE and not many:
                 limit = math.inf  # hardly a timing beside this one: nothing tells noise from change
-        near, gates = max(deviations * noise, LEAST), each.gates and _shorter(each) >= GATED_SECONDS
+        near, gates = max(deviations * noise, LEAST), each.gates and _faster_seconds(each) >= GATED_SECONDS
         found[key] = _verdict(base, head, limit, near, tests, gates=gates)
     return found, math.exp(common)
 
 
-def _shorter(timing: Samples) -> float:
+def _faster_seconds(timing: Samples) -> float:
     """Seconds of the faster side."""
     return min(median(timing.base), median(timing.head))
 
@@ -141,7 +141,7 @@ def _verdict(
         return TimingVerdict("worse" if move > 0 else "better", *seconds, size)
     if move > near:
         return TimingVerdict(
-            "suspect", *seconds, f"{size}, not beyond doubt with {len(base)} and {some(len(head), 'run')}"
+            "suspect", *seconds, f"{size}, not beyond doubt with {len(base)} and {count_noun(len(head), 'run')}"
         )
     return TimingVerdict("same", *seconds, "")
 

@@ -66,7 +66,7 @@ def check_folder(flag: str, path: Path) -> None:
 
 
 @contextmanager
-def written(path: Path, way_out: str = "give another file") -> Iterator[IO[bytes]]:
+def open_whole(path: Path, remedy: str = "give another file") -> Iterator[IO[bytes]]:
     """The stream of `ninedisk.core.archive.whole_file`, its errors in the words of the command line.
 
     Raises
@@ -79,7 +79,7 @@ def written(path: Path, way_out: str = "give another file") -> Iterator[IO[bytes
             yield stream
     except UnwritableFileError as error:
         why = getattr(error.__cause__, "strerror", None) or error.__cause__
-        raise StoreError(f"{str(path)!r} cannot be written ({why}): {way_out}") from error
+        raise StoreError(f"{str(path)!r} cannot be written ({why}): {remedy}") from error
 
 
 def write_whole(flag: str, path: Path, text: str) -> None:
@@ -90,5 +90,5 @@ def write_whole(flag: str, path: Path, text: str) -> None:
     StoreError
         If it cannot be written.
     """
-    with written(path, f"give another {flag} FILE") as stream:
+    with open_whole(path, f"give another {flag} FILE") as stream:
         stream.write(text.encode("utf-8", "backslashreplace"))

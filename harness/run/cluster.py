@@ -83,14 +83,14 @@ class Cluster:
                     future = self.client.submit(one_cell, payload, pure=False)
                     numbers[future] = number
                     future.add_done_callback(ended.put)
-            _tell(progress, results, cells, cells[0].name if cells else "")
+            _report_workers(progress, results, cells, cells[0].name if cells else "")
             waiting = set(numbers.values())
             while waiting and not watch.given_up:
                 try:
                     future = ended.get(timeout=LOOK)
                 except queue.Empty:
                     if note := watch.look():
-                        _tell(progress, results, cells, note)
+                        _report_workers(progress, results, cells, note)
                     continue
                 number = numbers[future]
                 try:
@@ -105,7 +105,7 @@ class Cluster:
                     results[number] = result
                     if keep is not None:
                         keep(number, result)
-                _tell(progress, results, cells, cells[number].name)
+                _report_workers(progress, results, cells, cells[number].name)
             results |= {number: broken_cell(cells[number], f"not run: {watch.given_up}") for number in waiting}
         finally:
             if not watch.given_up:
@@ -122,7 +122,7 @@ class Cluster:
             keep=None if keep is None else lambda place, result: keep(here[place], result),
         )
         results |= dict(zip(here, again, strict=True))
-        _tell(progress, results, cells, "")
+        _report_workers(progress, results, cells, "")
         return [results[number] for number in range(len(cells))]
 
     def facts(self) -> dict[str, Any]:
@@ -237,6 +237,8 @@ def _check_workers(client: Client, address: str) -> None:
             )
 
 
-def _tell(progress: Progress | None, results: dict[int, CaseResult], cells: Sequence[Cell], name: str) -> None:
+def _report_workers(
+    progress: Progress | None, results: dict[int, CaseResult], cells: Sequence[Cell], name: str
+) -> None:
     if progress is not None:
         progress(len(results), len(cells), name)

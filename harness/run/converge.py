@@ -98,7 +98,7 @@ def converge(
         finer, size = refined(cell, name, coarsest, level, params or {}, options)
         if progress is not None:
             progress(level, halvings + 1, f"{cell.name}, {name} = {size:.4g}{left}")
-        results.append(_ran(run_cell(finer, raise_users_mistakes=True), f"{name} = {size:.4g}"))
+        results.append(_completed_result(run_cell(finer, raise_users_mistakes=True), f"{name} = {size:.4g}"))
         sizes.append(size)
         # Each level takes twice the time of the one before: what is left is that of the last one times 2 + 4 + ...
         took, begin = time.monotonic() - begin, time.monotonic()
@@ -163,7 +163,7 @@ def refined(
     return plan_case(cell.case, cell.engine, {**params, **changes}, options), size
 
 
-def _ran(result: CaseResult, level: str) -> CaseResult:
+def _completed_result(result: CaseResult, level: str) -> CaseResult:
     """A result with numbers, or the reason why there are none."""
     if result.status in ("unsupported", "not-installed"):
         raise UsageError(f"{result.cell['engine']} cannot run {result.cell['case']}: {result.status}, {result.reason}")
@@ -375,40 +375,44 @@ def judge_order(
     """
     values = [*(errors or ()), *differences]
     if not all(math.isfinite(value) for value in values):
-        return _none("undecided", "", "some levels give no number")
+        return _no_order("undecided", "", "some levels give no number")
     if max(differences) <= floor:
         if errors is not None and errors[-1] > max(tolerance, floor):
-            return _none("wrong limit", "error", _misses(errors[-1], tolerance) + "; the step changes nothing")
+            return _no_order(
+                "wrong limit", "error", _missed_order(errors[-1], tolerance) + "; the step changes nothing"
+            )
         if errors is not None and errors[-1] > floor:
-            return _none("step-independent", "error", f"{errors[-1]:.2g} from the truth (allowed: {tolerance:.2g})")
-        return _none("exact", "error" if errors is not None else "difference", "the step changes nothing but round-off")
+            return _no_order("step-independent", "error", f"{errors[-1]:.2g} from the truth (allowed: {tolerance:.2g})")
+        return _no_order(
+            "exact", "error" if errors is not None else "difference", "the step changes nothing but round-off"
+        )
     note, by, series = "", "difference", list(differences)
     if errors is not None:
         if errors[-1] > LEVELLED * differences[-1] and errors[-1] > floor:
             if errors[-1] > tolerance:
-                return _none("wrong limit", "difference", _misses(errors[-1], tolerance))
+                return _no_order("wrong limit", "difference", _missed_order(errors[-1], tolerance))
             note = f"levels off {errors[-1]:.2g} from the truth (allowed: {tolerance:.2g})"
         else:
             by, series = "error", list(errors)
     above = next((k for k, value in enumerate(series) if value <= floor), len(series))
     if above < 2:
-        return _none("exact", by, _joined(note, "round-off from the first halving on"))
+        return _no_order("exact", by, _join_rows(note, "round-off from the first halving on"))
     found = _fitted(series[:above], by)
-    reason = _joined(note, _left_out(found, len(series), above))
-    return _judged(found, expected, reason, shown_only=number and by == "difference")
+    reason = _join_rows(note, _left_out_levels(found, len(series), above))
+    return _judge_series(found, expected, reason, shown_only=number and by == "difference")
 
 
-def _joined(*parts: str) -> str:
+def _join_rows(*parts: str) -> str:
     return "; ".join(part for part in parts if part)
 
 
-def _none(verdict: str, by: str, reason: str) -> ObservedOrder:
+def _no_order(verdict: str, by: str, reason: str) -> ObservedOrder:
     return ObservedOrder(
         verdict=verdict, order=math.nan, uncertainty=math.nan, by=by, used=(), regular=False, reason=reason
     )
 
 
-def _misses(error: float, tolerance: float) -> str:
+def _missed_order(error: float, tolerance: float) -> str:
     return f"the limit misses the truth by {error:.2g}, allowed are {tolerance:.2g}"
 
 
@@ -433,22 +437,22 @@ def _fitted(series: Sequence[float], by: str) -> ObservedOrder:
     )
 
 
-def _left_out(found: ObservedOrder, count: int, above: int) -> str:
+def _left_out_levels(found: ObservedOrder, count: int, above: int) -> str:
     parts = [f"first {found.used[0]} left out as pre-asymptotic"] if found.used[0] else []
     parts += [f"last {count - above} left out as round-off"] if above < count else []
-    return _joined(*parts)
+    return _join_rows(*parts)
 
 
-def _judged(found: ObservedOrder, expected: float | None, reason: str, *, shown_only: bool) -> ObservedOrder:
+def _judge_series(found: ObservedOrder, expected: float | None, reason: str, *, shown_only: bool) -> ObservedOrder:
     verdict = "converges"
     if expected is None or shown_only:
         verdict = "not judged"
     elif math.isnan(found.uncertainty):
-        verdict, reason = "undecided", _joined(reason, "too few levels above round-off")
+        verdict, reason = "undecided", _join_rows(reason, "too few levels above round-off")
     elif found.order + max(found.uncertainty, MARGIN) < expected:
         verdict = "wrong order"
     elif not found.regular:
-        verdict, reason = "undecided", _joined(reason, "irregular: no asymptotic range")
+        verdict, reason = "undecided", _join_rows(reason, "irregular: no asymptotic range")
     return replace(found, verdict=verdict, reason=reason)
 
 

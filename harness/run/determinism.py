@@ -163,14 +163,14 @@ class Trial:
     def __post_init__(self) -> None:
         self.info = self.engine.info()
         self.numerics = Numerics(dt=DT, n_steps=STEPS, contact_dt=DT / 20.0, theta=1.0)
-        self.job = _watched(self.falling(*(SCENES | IN_SPACE)[self.scene_id]), self.numerics)
+        self.job = _with_watched_contacts(self.falling(*(SCENES | IN_SPACE)[self.scene_id]), self.numerics)
         self._growth: FloatArray | None = None
 
     def falling(self, columns: int, rows: int, mu: float) -> Scene | SphereScene:
         """A scene of the trial's kind."""
         return (falling_spheres if self.scene_id in IN_SPACE else falling)(columns, rows, mu)
 
-    def together(self, *jobs: Job) -> list[Outcome]:
+    def run_in_one_process(self, *jobs: Job) -> list[Outcome]:
         """Run jobs one after the other in one fresh process."""
         if isinstance(self.engine, ExternalEngine):
             return _external(self.engine, jobs)
@@ -178,23 +178,23 @@ class Trial:
             files = [Path(name) / f"answer-{k}.json" for k in range(len(jobs))]
             texts = _requests(jobs, [job.extra for job in jobs], files)
             asked = {"engine": self.engine.id, "edits": list(self.edits), "requests": texts}
-            ended = _ended([sys.executable, "-m", "ninedisk.harness.selftest.driver"], asked, os.environ)
+            ended = _end_process([sys.executable, "-m", "ninedisk.harness.selftest.driver"], asked, os.environ)
             return [_answer(*each, ended) for each in zip(jobs, files, strict=True)]
 
-    def alone(self, job: Job) -> History:
+    def run_in_fresh_process(self, job: Job) -> History:
         """Run one job in a fresh process, an external engine's as any of its runs; raises `EngineError`."""
         if isinstance(self.engine, ExternalEngine):
             return self.engine.run(job.scene, job.numerics, job.watch).history
-        return _told(self.together(job)[0])
+        return _require_answer(self.run_in_one_process(job)[0])
 
     @cached_property
     def reference(self) -> tuple[History, History]:
         """The run that all others are held against, and the same input again in its process; raises `EngineError`."""
         if not self.repeats:
-            only = self.alone(self.job)
+            only = self.run_in_fresh_process(self.job)
             return only, only
-        one, two = self.together(self.job, self.job)
-        return _told(one), _told(two)
+        one, two = self.run_in_one_process(self.job, self.job)
+        return _require_answer(one), _require_answer(two)
 
     @property
     def first(self) -> History:
@@ -213,7 +213,7 @@ class Trial:
             away = small * rng.choice((-1.0, 1.0), (2, *scene.bodies.x.shape))
             scales = scales_of(scene)
             x, v = scene.bodies.x + scales[0] * away[0], scene.bodies.v + scales[1] * away[1]
-            beside = self.alone(replace(self.job, scene=_with_bodies(scene, x=x, v=v)))
+            beside = self.run_in_fresh_process(replace(self.job, scene=_with_bodies(scene, x=x, v=v)))
             grown = state_difference(self.first, beside, scales) / small
             self._growth = np.maximum.accumulate(np.maximum(grown, 1.0))
         return self._growth
@@ -231,7 +231,7 @@ class Trial:
         own = contact_steps(self.job.scene, self.numerics)[0] if self.info.contact == "spring" else 1
         own *= int(options["substeps"].default) if "substeps" in options else 1
         sweeps = int(options[self.info.sweeps].default) if self.info.sweeps else 1
-        places = extent(self.job.scene) / scales_of(self.job.scene)[0]
+        places = scene_extent(self.job.scene) / scales_of(self.job.scene)[0]
         each = max(ROUNDINGS * _precision(self.info) * (places + sweeps), tolerance_of(self.info))
         steps = np.maximum(self.first.step - same_until, 0)
         worst = math.sqrt(2.0 * self.job.scene.bodies.x.size)
@@ -266,12 +266,12 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = (),
     if not info.installed:
         raise UsageError(f"{info.name} is not installed ({info.not_installed_because}): {info.install}")
     kinds = list(DETERMINISM_KINDS)
-    tell = progress or (lambda *_: None)
-    tell(0, len(kinds), f"{engine.id}: reference")
+    notify = progress or (lambda *_: None)
+    notify(0, len(kinds), f"{engine.id}: reference")
     trial, note = _first(engine, edits, IN_SPACE if space else SCENES)
     rows = []
     for done, kind in enumerate(kinds):
-        tell(done, len(kinds), f"{engine.id}: {DETERMINISM_KINDS[kind][0]}")
+        notify(done, len(kinds), f"{engine.id}: {DETERMINISM_KINDS[kind][0]}")
         row: Row = {
             "engine": engine.id,
             "engine_name": info.name,
@@ -288,13 +288,13 @@ def measure(engine: Engine, progress: Progress | None = None, edits: Edits = (),
             "reason": "",
         }
         try:
-            row |= repeated(trial, kind)
+            row |= measure_kind(trial, kind)
         except NotApplicableError as error:
             row["reason"] = str(error)
         except (EngineError, CoreError) as error:
             row |= {"verdict": "broken", "reason": str(error).splitlines()[0]}
         rows.append(row)
-    tell(len(kinds), len(kinds), "")
+    notify(len(kinds), len(kinds), "")
     return rows
 
 
@@ -318,7 +318,7 @@ def _first(engine: Engine, edits: Edits, scenes: Iterable[str]) -> tuple[Trial, 
     raise UsageError(f"{engine.id} runs none of the scenes: {'; '.join(notes)}")
 
 
-def repeated(trial: Trial, kind: str) -> Row:
+def measure_kind(trial: Trial, kind: str) -> Row:
     """Verdict and numbers of one kind of `DETERMINISM_KINDS`.
 
     Raises
@@ -330,55 +330,63 @@ def repeated(trial: Trial, kind: str) -> Row:
     """
     job, numerics = trial.job, trial.numerics
     if kind == "twice":
-        _need(trial.repeats, "each run is a process of its own")
-        return held(trial, *trial.reference)
+        _requirement(trial.repeats, "each run is a process of its own")
+        return compare_runs(trial, *trial.reference)
     if kind == "process":
-        return held(trial, trial.first, trial.alone(job))
+        return compare_runs(trial, trial.first, trial.run_in_fresh_process(job))
     if kind == "error":
-        _need(trial.repeats, "each run is a process of its own")
-        *failed, after = trial.together(*_failing(job), job)
-        _need(
+        _requirement(trial.repeats, "each run is a process of its own")
+        *failed, after = trial.run_in_one_process(*_failing_jobs(job), job)
+        _requirement(
             any(isinstance(each, EngineError) for each in failed), "no run failed: it ends well whatever the velocities"
         )
-        _need(not isinstance(after, NoAnswerError), f"a run that fails ends its process: {str(after).splitlines()[0]}")
-        return held(trial, trial.first, _told(after))
+        _requirement(
+            not isinstance(after, NoAnswerError), f"a run that fails ends its process: {str(after).splitlines()[0]}"
+        )
+        return compare_runs(trial, trial.first, _require_answer(after))
     if kind == "scene":
-        _need(trial.repeats, "each run is a process of its own")
+        _requirement(trial.repeats, "each run is a process of its own")
         few = (2, 1) if trial.scene_id in IN_SPACE else (4, 2)
-        other = _watched(trial.falling(*few, 0.5 * job.scene.law_of_bodies.mu), numerics.replace(n_steps=STEPS // 2))
-        return held(trial, trial.first, _told(trial.together(other, job)[1]))
+        other = _with_watched_contacts(
+            trial.falling(*few, 0.5 * job.scene.law_of_bodies.mu), numerics.replace(n_steps=STEPS // 2)
+        )
+        return compare_runs(trial, trial.first, _require_answer(trial.run_in_one_process(other, job)[1]))
     if kind == "threads":
         name = f"{trial.engine.id}.threads"
-        _need("threads" in trial.info.options, "it has no option for threads")
+        _requirement("threads" in trial.info.options, "it has no option for threads")
         size = MANY_SPHERES if trial.scene_id in IN_SPACE else MANY
         many = Job(trial.falling(*size, job.scene.law_of_bodies.mu), numerics.replace(n_steps=FEW_STEPS))
         more = replace(many, numerics=many.numerics.replace(options={name: 2}))
-        one, two = trial.together(many, more)
-        return held(trial, _told(one), _told(two), grows=False)
+        one, two = trial.run_in_one_process(many, more)
+        return compare_runs(trial, _require_answer(one), _require_answer(two), grows=False)
     if kind == "restart":
-        _need(hasattr(trial.engine, "resume"), "no restart")
+        _requirement(hasattr(trial.engine, "resume"), "no restart")
         with tempfile.TemporaryDirectory(prefix="ninedisk-determinism-") as name:
             file = str(Path(name) / "checkpoint.npz")
-            trial.together(replace(job, extra={"save": [STEPS // 2, file]}))
-            return held(trial, trial.first, trial.alone(replace(job, extra={"resume": file})))
+            trial.run_in_one_process(replace(job, extra={"save": [STEPS // 2, file]}))
+            return compare_runs(trial, trial.first, trial.run_in_fresh_process(replace(job, extra={"resume": file})))
     if kind == "watched":
-        return held(trial, trial.first, trial.alone(replace(job, watch=())))
+        return compare_runs(trial, trial.first, trial.run_in_fresh_process(replace(job, watch=())))
     if kind == "sampled":
-        return held(trial, trial.first, trial.alone(replace(job, numerics=numerics.replace(sample_every=7))))
+        return compare_runs(
+            trial, trial.first, trial.run_in_fresh_process(replace(job, numerics=numerics.replace(sample_every=7)))
+        )
     n, m = len(job.scene.bodies), len(job.scene.walls)
     rng = np.random.default_rng(3)
     order = rng.permutation(n) if kind == "bodies" else np.arange(n)
     walls = np.roll(np.arange(m), 1) if kind == "walls" else np.arange(m)
-    return held(trial, trial.first, in_order(trial.alone(reordered(job, order, walls)), job, order, walls))
+    return compare_runs(
+        trial, trial.first, in_order(trial.run_in_fresh_process(reordered(job, order, walls)), job, order, walls)
+    )
 
 
-def held(trial: Trial, one: History, two: History, *, grows: bool = True) -> Row:
+def compare_runs(trial: Trial, one: History, two: History, *, grows: bool = True) -> Row:
     """Verdict and numbers of a run that should be the reference's.
 
     Bit for bit all that both tell counts, forces and energies too; the size of a difference is that of the state, of forces and
     energies where these alone differ. ``grows``: whether the reference run's growth is that of this scene.
     """
-    one, two = common(one, two)
+    one, two = common_samples(one, two)
     alike = {name: _identical(a, b) for name, a, b in _arrays(one, two)}
     same = np.array(list(alike.values())).all(axis=0)
     if same.all():
@@ -410,7 +418,7 @@ def held(trial: Trial, one: History, two: History, *, grows: bool = True) -> Row
     }
 
 
-def extent(scene: Scene | SphereScene) -> float:
+def scene_extent(scene: Scene | SphereScene) -> float:
     """Largest coordinate of the bodies and the walls' points [m]."""
     points = np.concatenate([scene.bodies.x, [wall.point for wall in scene.walls]])
     return float(np.abs(points).max())
@@ -418,7 +426,7 @@ def extent(scene: Scene | SphereScene) -> float:
 
 def scales_of(scene: Scene | SphereScene) -> tuple[float, float]:
     """Length [m] and velocity [m/s] that differences are relative to: the mean radius, and that of a fall through the scene."""
-    return float(scene.bodies.radius.mean()), math.sqrt(2.0 * GRAVITY * extent(scene))
+    return float(scene.bodies.radius.mean()), math.sqrt(2.0 * GRAVITY * scene_extent(scene))
 
 
 def state_difference(one: History, two: History, scales: tuple[float, float]) -> FloatArray:
@@ -445,7 +453,7 @@ def report_difference(one: History, two: History) -> FloatArray:
     return found
 
 
-def common(one: History, two: History) -> tuple[History, History]:
+def common_samples(one: History, two: History) -> tuple[History, History]:
     """Both at the samples and with the watched contacts that both have."""
     _, first, second = np.intersect1d(one.step, two.step, return_indices=True)
     pairs = tuple(pair for pair in one.pairs if pair in two.pairs)
@@ -460,8 +468,8 @@ def reordered(job: Job, order: Any, walls: Any) -> Job:
         name: getattr(bodies, name)[order]
         for name in ("x", "v", "omega", "radius", "mass", "inertia", "rotating", "held")
     }
-    told = _with_bodies(scene, **columns).replace(walls=tuple(scene.walls[k] for k in walls))
-    return replace(job, scene=told, watch=tuple(_placed(pair, place) for pair in job.watch))
+    reported = _with_bodies(scene, **columns).replace(walls=tuple(scene.walls[k] for k in walls))
+    return replace(job, scene=reported, watch=tuple(_with_places(pair, place) for pair in job.watch))
 
 
 def in_order(history: History, job: Job, order: Any, walls: Any) -> History:
@@ -484,13 +492,13 @@ def _with_bodies(scene: Scene | SphereScene, **columns: Any) -> Scene | SphereSc
     return scene.replace(**{name: replace(scene.bodies, **columns)})
 
 
-def _watched(scene: Scene | SphereScene, numerics: Numerics) -> Job:
+def _with_watched_contacts(scene: Scene | SphereScene, numerics: Numerics) -> Job:
     """The job with a contact of each wall and three between bodies watched, whether or not they touch."""
     n = len(scene.bodies)
     return Job(scene, numerics, (*((k, n + k) for k in range(len(scene.walls))), (0, 1), (1, 2), (2, 3)))
 
 
-def _failing(job: Job) -> Iterator[Job]:
+def _failing_jobs(job: Job) -> Iterator[Job]:
     """Runs that should end with an error on their way: a body so fast that its place is no number, or that it leaves through a wall.
 
     Few steps: a solver with an absolute tolerance does all its sweeps in each of them.
@@ -502,17 +510,17 @@ def _failing(job: Job) -> Iterator[Job]:
         yield replace(job, scene=_with_bodies(job.scene, v=v), numerics=job.numerics.replace(n_steps=FAILING_STEPS))
 
 
-def _placed(pair: Pair, place: Any) -> Pair:
+def _with_places(pair: Pair, place: Any) -> Pair:
     one, two = int(place[pair[0]]), int(place[pair[1]])
     return min(one, two), max(one, two)
 
 
-def _need(fulfilled: bool, otherwise: str) -> None:
+def _requirement(fulfilled: bool, otherwise: str) -> None:
     if not fulfilled:
         raise NotApplicableError(otherwise)
 
 
-def _told(outcome: Outcome) -> History:
+def _require_answer(outcome: Outcome) -> History:
     if isinstance(outcome, EngineError):
         raise outcome
     return outcome
@@ -555,7 +563,7 @@ def _external(engine: Any, jobs: Sequence[Job]) -> list[Outcome]:
         files = [folder / "answer.json" for folder in folders]
         asked = {"driver": str(engine.driver), "requests": _requests(jobs, extras, files)}
         command = [str(AGAIN) if part == str(engine.driver) else part for part in engine.command()]
-        ended = _ended(command, asked, engine.environment(Path(name)), engine.working_folder(Path(name)))
+        ended = _end_process(command, asked, engine.environment(Path(name)), engine.working_folder(Path(name)))
         return [_answer(*each, ended) for each in zip(jobs, files, strict=True)]
 
 
@@ -568,7 +576,9 @@ def _requests(jobs: Sequence[Job], extras: Sequence[Mapping[str, Any]], files: S
     ]
 
 
-def _ended(command: Sequence[str], asked: Mapping[str, Any], env: Mapping[str, str], cwd: Path | None = None) -> str:
+def _end_process(
+    command: Sequence[str], asked: Mapping[str, Any], env: Mapping[str, str], cwd: Path | None = None
+) -> str:
     """Run the process; how it ended, if not well: what it answered before that counts all the same."""
     try:
         limit = len(asked["requests"]) * time_limit_from_environment()

@@ -66,7 +66,7 @@ class GapFile:
         """Rows of a cell after the file: what is off and explained is a known gap, what is expected to fail and passes a closed one."""
         return [self._row(row) for row in rows]
 
-    def applied(self, result: CaseResult) -> CaseResult:
+    def with_known_gaps(self, result: CaseResult) -> CaseResult:
         """A cell after the file, its status the worst of what its rows now have; the very same where no entry is about it."""
         rows = self.judged(result.rows)
         if rows == result.rows:

@@ -6,7 +6,7 @@ their last bytes are kept, so that no amount of output can block either side. Sh
 warden ends the command.
 
 Where `warm_starts` is on, a driver that asks for it runs in a copy of a process of the same command which has loaded its engine, its
-`Nursery`: what a start takes, YADE's for instance most of a second, is paid once. Copies are held as commands are.
+`ForkServer`: what a start takes, YADE's for instance most of a second, is paid once. Copies are held as commands are.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from pathlib import Path
 from typing import IO, Protocol
 
 from ninedisk.harness.api.engine import EngineError, EngineTimeoutError
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 from ninedisk.harness.run.limits import (
     TIME_LIMIT_VARIABLE,
     TimeLimit,
+    exceeds_memory,
     memory_limit,
     resident,
     time_limit_from_environment,
-    too_much,
 )
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 KEEP_BYTES = 1 << 16
 LAST_LINES = 12
 LINE_LENGTH = 150
 _CHUNK = 1 << 16
 _running: set[int] = set()
-_nurseries: dict[tuple[str, ...], Nursery] | None = None
-NURSERY = Path(__file__).parents[1] / "engines" / "drivers" / "nursery.py"
+_fork_servers: dict[tuple[str, ...], ForkServer] | None = None
+NURSERY = Path(__file__).parents[1] / "engines" / "drivers" / "fork_server.py"
 _LOOK = (
     0.05  # between two looks at the memory of a command: what it can take in that time is a small part of a machine [s]
 )
@@ -70,7 +70,7 @@ class Finished:
         """Last non-empty lines of standard error, or of standard output where standard error is empty; long ones are cut."""
         lines = [line for line in (self.stderr.strip() or self.stdout.strip()).splitlines() if line.strip()]
         return "\n".join(
-            printable(line if len(line) <= LINE_LENGTH else line[:LINE_LENGTH] + " ...") for line in lines[-count:]
+            one_line(line if len(line) <= LINE_LENGTH else line[:LINE_LENGTH] + " ...") for line in lines[-count:]
         )
 
 
@@ -84,8 +84,8 @@ class _Process(Protocol):
 
 
 @dataclass
-class _Copy:
-    """A run that a `Nursery` has begun."""
+class _ForkedRun:
+    """A run that a `ForkServer` has begun."""
 
     pid: int
     stdin: IO[bytes] | None
@@ -93,12 +93,12 @@ class _Copy:
     stderr: IO[bytes] | None
 
 
-class NurseryError(Exception):
+class ForkServerError(Exception):
     """A nursery that does not start runs: the command has to be started by itself, and tells what is wrong."""
 
 
-class Nursery:
-    """A process of a command that has loaded what its driver imports, and starts runs as copies of itself (``drivers/nursery.py``).
+class ForkServer:
+    """A process of a command that has loaded what its driver imports, and starts runs as copies of itself (``drivers/fork_server.py``).
 
     Copies see the driver as it is when they begin, and their own folder and environment; of earlier runs they see nothing. It ends with
     the process that it serves.
@@ -114,22 +114,22 @@ class Nursery:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 cwd=cwd,
-                env=owned(env),
+                env=guarded_environment(env),
                 start_new_session=True,
                 pass_fds=(theirs.fileno(),),
             )
         except OSError as error:
             self._link.close()
-            raise NurseryError(str(error)) from error
+            raise ForkServerError(str(error)) from error
         finally:
             theirs.close()
 
-    def begin(self, cwd: Path | str | None, env: Mapping[str, str] | None, time_limit: float) -> _Copy:
-        """Begin a run; raises `NurseryError` where this process does not answer."""
+    def start(self, cwd: Path | str | None, env: Mapping[str, str] | None, time_limit: float) -> _ForkedRun:
+        """Begin a run; raises `ForkServerError` where this process does not answer."""
         pairs = [os.pipe() for _ in range(3)]
         theirs = [pairs[0][0], pairs[1][1], pairs[2][1]]
         ours = [pairs[0][1], pairs[1][0], pairs[2][0]]
-        message = json.dumps({"cwd": os.path.abspath(cwd or "."), "env": owned(env)}).encode()
+        message = json.dumps({"cwd": os.path.abspath(cwd or "."), "env": guarded_environment(env)}).encode()
         try:
             self._link.settimeout(time_limit)
             socket.send_fds(self._link, [message], theirs)
@@ -139,13 +139,13 @@ class Nursery:
                 os.close(descriptor)
             self.end()
             if isinstance(error, OSError | ValueError):
-                raise NurseryError(str(error)) from error
+                raise ForkServerError(str(error)) from error
             raise
         finally:
             for descriptor in theirs:
                 os.close(descriptor)
         streams = [os.fdopen(n, mode, 0) for n, mode in zip(ours, ("wb", "rb", "rb"), strict=True)]
-        return _Copy(pid, *streams)
+        return _ForkedRun(pid, *streams)
 
     def reap(self) -> tuple[int, float]:
         """How the run in hand ended, whose group has been killed: its exit code, below 0 for a signal, and its CPU seconds."""
@@ -166,13 +166,13 @@ class Nursery:
 
 
 def warm_starts() -> None:
-    """Have this process keep a `Nursery` for each driver from now on: workers do, which run cells of all engines."""
-    global _nurseries
-    if _nurseries is None and hasattr(os, "pidfd_open") and hasattr(os, "fork"):
-        _nurseries = {}
+    """Have this process keep a `ForkServer` for each driver from now on: workers do, which run cells of all engines."""
+    global _fork_servers
+    if _fork_servers is None and hasattr(os, "pidfd_open") and hasattr(os, "fork"):
+        _fork_servers = {}
 
 
-def _begun(
+def _started_run(
     command: Sequence[str],
     driver: Path | str | None,
     cwd: Path | str | None,
@@ -180,18 +180,18 @@ def _begun(
     limit: float,
 ) -> tuple[_Process, Callable[[], tuple[int, float]]]:
     """A run that has begun, and what reaps it."""
-    if _nurseries is not None and driver is not None and str(driver) in command:
+    if _fork_servers is not None and driver is not None and str(driver) in command:
         given = dict(os.environ if env is None else env)
         # What names the run's own folder is not the nursery's.
         key = (*command, *sorted(f"{name}={text}" for name, text in given.items() if str(cwd) not in text))
-        with suppress(NurseryError):
-            nursery = _nurseries.pop(key, None) or Nursery(command, str(driver), cwd, given)
-            copy = nursery.begin(cwd, given, limit)
-            nurseries = _nurseries
+        with suppress(ForkServerError):
+            fork_server = _fork_servers.pop(key, None) or ForkServer(command, str(driver), cwd, given)
+            copy = fork_server.start(cwd, given, limit)
+            nurseries = _fork_servers
 
             def reap() -> tuple[int, float]:
-                ended = nursery.reap()
-                nurseries[key] = nursery
+                ended = fork_server.reap()
+                nurseries[key] = fork_server
                 return ended
 
             return copy, reap
@@ -202,7 +202,7 @@ def _begun(
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             cwd=cwd,
-            env=owned(env),
+            env=guarded_environment(env),
             start_new_session=True,
             bufsize=0,
         )
@@ -245,7 +245,7 @@ def run_isolated(
     keep : int
         Bytes of each output stream that are kept, the last ones.
     driver : Path or str, optional
-        The part of the command that is a Python script which may run in a copy of a process (see `Nursery`).
+        The part of the command that is a Python script which may run in a copy of a process (see `ForkServer`).
 
     Raises
     ------
@@ -260,11 +260,11 @@ def run_isolated(
     memory = memory_limit()
     program = Path(command[0]).name
     begin = time.monotonic()
-    process, reap = _begun(command, driver, cwd, env, limit)
+    process, reap = _started_run(command, driver, cwd, env, limit)
     _running.add(process.pid)
     tails = {"stdout": bytearray(), "stderr": bytearray()}
     try:
-        stopped = _converse(process, stdin.encode(), tails, keep, (TimeLimit(process.pid, limit), memory))
+        stopped = _exchange(process, stdin.encode(), tails, keep, (TimeLimit(process.pid, limit), memory))
     finally:
         _running.discard(process.pid)
         _kill_group(process.pid)
@@ -280,7 +280,7 @@ def run_isolated(
     said = finished.last_lines()
     tail = f"; its last output:\n{said}" if said else "; it printed nothing"
     if isinstance(stopped, int):
-        raise EngineError(f"{program} {too_much(stopped, memory)}{tail}")
+        raise EngineError(f"{program} {exceeds_memory(stopped, memory)}{tail}")
     if stopped:
         raise EngineTimeoutError(
             f"{program} was stopped at its time limit of {limit:g} s (set {TIME_LIMIT_VARIABLE} to allow more): {stopped}{tail}"
@@ -298,7 +298,7 @@ def end_commands() -> None:
         _kill_group(pid)
 
 
-def _converse(
+def _exchange(
     process: _Process, data: bytes, tails: dict[str, bytearray], keep: int, limits: tuple[TimeLimit, float]
 ) -> str | int:
     """Feed and drain the pipes until the leader has ended: ``""``; or why it is out of time, or the bytes held where these are too many.

@@ -116,7 +116,7 @@ def _of_command(command: str) -> list[str]:
     return [_of_file(path) for path in sorted(found)]
 
 
-def packed(result: CaseResult) -> bytes:
+def packed_result(result: CaseResult) -> bytes:
     """What is stored of a result, and what claims are judged by.
 
     Raises
@@ -155,7 +155,7 @@ def packed(result: CaseResult) -> bytes:
     return zlib.compress(b"".join([struct.pack("<Q", len(text)), text, *arrays]), 1)
 
 
-def unpacked(payload: bytes, cell: Cell) -> CaseResult:
+def unpacked_result(payload: bytes, cell: Cell) -> CaseResult:
     """The result of ``cell``; ValueError, KeyError or `zlib.error` for other bytes."""
     data = zlib.decompress(payload)
     begin = 8 + struct.unpack_from("<Q", data)[0]
@@ -248,7 +248,7 @@ class Journal:
     run: bytes
     kept: dict[int, CaseResult] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
-    tell: Callable[[str], None] = lambda _: None
+    notify: Callable[[str], None] = lambda _: None
     _path: Path | None = None
     _stream: IO[bytes] | None = None
     _count: int = 0
@@ -256,11 +256,11 @@ class Journal:
     _broken: bool = False
 
     @classmethod
-    def begin(
-        cls, store: Path, cells: Sequence[Cell], run: bytes, *, resume: bool, tell: Callable[[str], None]
+    def start(
+        cls, store: Path, cells: Sequence[Cell], run: bytes, *, resume: bool, notify: Callable[[str], None]
     ) -> Journal:
         """The journal of a run that begins; with ``resume`` it takes over the interrupted run that has most of its cells."""
-        journal = cls(store, cells, run, tell=tell)
+        journal = cls(store, cells, run, notify=notify)
         found = journal._interrupted()
         best = max(found, key=lambda path: len(found[path]), default=None)
         if best is not None and resume:
@@ -289,7 +289,7 @@ class Journal:
             self._stream.close()
             self._stream = None
 
-    def left(self) -> str:
+    def close_unfinished(self) -> str:
         """Close the journal of an interrupted run, whose file stays; return what to report of it."""
         self._close()
         if not self._count:
@@ -309,14 +309,14 @@ class Journal:
         if self._broken or result.status in BROKEN or (digest := self._digest(number)) is None:
             return
         try:
-            payload = packed(result)
+            payload = packed_result(result)
         except TypeError:
             return
         try:
             self._append(digest, payload)
         except OSError as error:
             self._broken = True
-            self.tell(f"note: cells are no longer kept for --resume: {error.strerror or error}")
+            self.notify(f"note: cells are no longer kept for --resume: {error.strerror or error}")
             return
         self._count += 1
 
@@ -391,7 +391,7 @@ class Journal:
             number = places.get(digest)
             if number is not None:
                 try:
-                    self.kept[number] = unpacked(payload, self.cells[number])
+                    self.kept[number] = unpacked_result(payload, self.cells[number])
                 except (ValueError, KeyError, TypeError, zlib.error, struct.error):
                     break
                 payloads[digest] = payload

@@ -85,7 +85,7 @@ def resident(pid: int, *, children: bool = True) -> int:
     return size
 
 
-def too_much(held: float, limit: float) -> str:
+def exceeds_memory(held: float, limit: float) -> str:
     """Words for an engine that was stopped for its memory."""
     return (
         f"was stopped because it held {held / 1e9:.3g} GB of memory, more than the limit of {limit / 1e9:.3g} GB "
@@ -118,7 +118,7 @@ def machine_load() -> float:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _ProcessSample:
     """A process at one moment.
 
     ``own`` and ``waited`` are CPU seconds of the process and of the ended children that it waited for; ``busy`` are seconds in which its
@@ -157,7 +157,7 @@ class TimeLimit:
         self._began = self._looked = time.monotonic()
         self._next = self._began + min(_LONGEST, max(_SHORTEST, limit / (os.cpu_count() or 1)))
         self._blind = not (_PROCESSES / "self" / "stat").exists()
-        self._seen: dict[int, _Seen] = {}
+        self._seen: dict[int, _ProcessSample] = {}
         self._own: dict[tuple[int, int], float] = {}
         self.cpu = self.idle = 0.0
 
@@ -204,9 +204,9 @@ class TimeLimit:
         self._looked, self._seen = now, found
 
 
-def _members(leader: int, known: dict[int, _Seen]) -> dict[int, _Seen]:
+def _members(leader: int, known: dict[int, _ProcessSample]) -> dict[int, _ProcessSample]:
     """The processes that belong to a session: its own, those seen before, and their children; by number."""
-    table: dict[int, tuple[int, _Seen]] = {}
+    table: dict[int, tuple[int, _ProcessSample]] = {}
     members = set()
     for entry in os.listdir(_PROCESSES):
         if not entry.isdigit():
@@ -216,7 +216,7 @@ def _members(leader: int, known: dict[int, _Seen]) -> dict[int, _Seen]:
             # After the name, which may hold spaces and brackets: state, parent, group, session; proc(5).
             words = _read(entry, "stat").rpartition(b")")[2].split()
             own, waited = (int(words[k]) + int(words[k + 1]) for k in (11, 13))
-            seen = _Seen(int(words[19]), own * _TICK, waited * _TICK, None, words[0] == b"R")
+            seen = _ProcessSample(int(words[19]), own * _TICK, waited * _TICK, None, words[0] == b"R")
             table[pid] = int(words[1]), seen
             if int(words[3]) == leader or (pid in known and known[pid].start == seen.start):
                 members.add(pid)
@@ -237,7 +237,7 @@ def _read(*names: str) -> bytes:
         os.close(handle)
 
 
-def _with_busy(pid: int, seen: _Seen) -> _Seen:
+def _with_busy(pid: int, seen: _ProcessSample) -> _ProcessSample:
     """The same with its ``busy`` time, of all its threads."""
     busy = 0
     try:
@@ -246,4 +246,4 @@ def _with_busy(pid: int, seen: _Seen) -> _Seen:
             busy += int(words[0]) + int(words[1])  # ran, waited [ns]
     except (OSError, ValueError, IndexError):
         return seen
-    return _Seen(seen.start, seen.own, seen.waited, 1e-9 * busy, seen.runs)
+    return _ProcessSample(seen.start, seen.own, seen.waited, 1e-9 * busy, seen.runs)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import ninedisk
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 PACKAGES = (
     "numpy",
@@ -71,7 +71,9 @@ def source_commit() -> str:
         return ""
     command = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]
     try:
-        found = subprocess.run(command, capture_output=True, text=True, timeout=10, env=owned(), check=True)
+        found = subprocess.run(
+            command, capture_output=True, text=True, timeout=10, env=guarded_environment(), check=True
+        )
     except (OSError, subprocess.SubprocessError):
         return ""
     return found.stdout.strip()

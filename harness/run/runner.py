@@ -36,7 +36,7 @@ from ninedisk.harness.api.engine import (
     Support,
     SupportLevel,
 )
-from ninedisk.harness.api.params import foreign_settings
+from ninedisk.harness.api.params import settings_of_other_engines
 from ninedisk.harness.api.support import support_of
 from ninedisk.harness.cases.common import with_slop
 from ninedisk.harness.results.figures import figures_to_text
@@ -137,7 +137,7 @@ class Patience:
             f"set {TIME_LIMIT_VARIABLE} to allow more, or see what it does with this one alone: {run_command(cell)}"
         )
 
-    def saw(self, cell: Cell, result: CaseResult) -> None:
+    def record_outcome(self, cell: Cell, result: CaseResult) -> None:
         """Take note of how a cell ended; one that never reached the engine tells nothing."""
         late = self._late.setdefault(cell.engine_id, [])
         if result.status == "timeout" and len(late) < LATE_CELLS:
@@ -165,14 +165,14 @@ def run_cell(
         if not info.installed:
             why = info.not_installed_because or "it is not on this machine"
             return without_measurements(cell, head, "not-installed", f"{why}; install it with: {info.install}")
-        foreign = [] if cell.user_set else foreign_settings(cell.case, cell.variant.params, info.contact)
+        foreign = [] if cell.user_set else settings_of_other_engines(cell.case, cell.variant.params, info.contact)
         if foreign:
             why = f"the variant sets {', '.join(foreign)}, {AS_DEFAULT}"
             return without_measurements(cell, head, "unsupported", why)
         support = support_of(cell.engine, setup.scene, setup.numerics)
         head |= support_columns(support)
         if support.level is SupportLevel.NO:
-            return without_measurements(cell, head, "unsupported", why_not(info, support))
+            return without_measurements(cell, head, "unsupported", unsupported_reason(info, support))
         if given_up:
             return without_measurements(cell, head, "timeout", given_up)
         before, begin = reference_seconds(), time.perf_counter()
@@ -199,7 +199,7 @@ def run_cell(
         return without_measurements(cell, head, "error", reason)
 
 
-def why_not(info: EngineInfo, support: Support) -> str:
+def unsupported_reason(info: EngineInfo, support: Support) -> str:
     """Why an engine does not run a scene: what it lacks, where its documentation says that this is on purpose, and notes."""
     lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
     links: dict[str, list[str]] = {}

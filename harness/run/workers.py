@@ -35,10 +35,10 @@ from typing import IO, Any, Protocol, cast
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.isolation import signal_name, warm_starts
-from ninedisk.harness.run.limits import MEMORY_VARIABLE, default_limit, memory_limit, resident, too_much
+from ninedisk.harness.run.limits import MEMORY_VARIABLE, default_limit, exceeds_memory, memory_limit, resident
 from ninedisk.harness.run.plan import Cell, plan_matrix
+from ninedisk.harness.run.process_guard import guarded_environment
 from ninedisk.harness.run.runner import Patience, Progress, broken_cell, run_cell
-from ninedisk.harness.run.warden import owned
 
 LOOK = 0.5
 """Seconds between two looks at the memory of workers."""
@@ -154,7 +154,7 @@ def run_cells(
             have[number] = results[-1]
             if keep is not None:
                 keep(number, results[-1])
-        patience.saw(cell, results[-1])
+        patience.record_outcome(cell, results[-1])
     if progress is not None:
         progress(len(cells), len(cells), "")
     return results
@@ -241,7 +241,7 @@ def serve(link: int, dump: int) -> None:
     signal.signal(signal.SIGTERM, stop)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     faulthandler.enable(file=dump, all_threads=False)
-    threading.Thread(target=_end_with, args=(link,), daemon=True).start()
+    threading.Thread(target=_end_process, args=(link,), daemon=True).start()
     connection = Connection(link)
     warm_starts()
     try:
@@ -257,7 +257,7 @@ def serve(link: int, dump: int) -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _end_with(link: int) -> None:
+def _end_process(link: int) -> None:
     """End this process when nobody holds the other end of the link any more, whatever it is doing."""
     hung_up = select.poll()
     hung_up.register(link, 0)
@@ -274,7 +274,7 @@ class Worker:
         ours, theirs = socket.socketpair()
         self._dump: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (closed by `end`)
         boot = _BOOT.format(path=sys.path, link=theirs.fileno(), dump=self._dump.fileno())
-        environment = owned()
+        environment = guarded_environment()
         masked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
             self._process = subprocess.Popen(
@@ -442,22 +442,22 @@ class _Dispatch:
     def finish(self) -> None:
         """Until every cell has its result."""
         while self._waiting or self._busy or self._here:
-            while self._waiting and self._room(self._waiting[0]):
+            while self._waiting and self._free_slots(self._waiting[0]):
                 number = self._waiting.popleft()
                 known = self.results[number]
                 if known is None:
-                    self._begin(number)
+                    self._start_task(number)
                 else:
-                    self._patience.saw(self.cells[number], known)
+                    self._patience.record_outcome(self.cells[number], known)
             if self._here and not self._waiting:
                 self._run_here(self._here.popleft())
             by_link = {worker.link: worker for worker in self._busy}
             for link in wait(list(by_link), 0.0 if self._here else LOOK) if by_link else []:
                 self._receive(by_link[cast(Connection, link)])
-            self._end_hogs()
+            self._end_large_workers()
         self._report("")
 
-    def _room(self, number: int) -> bool:
+    def _free_slots(self, number: int) -> bool:
         used = sum(self._share(busy) for busy in self._busy.values())
         return used + self._share(number) <= self.jobs
 
@@ -471,7 +471,7 @@ class _Dispatch:
             self._threads[name] = _threads(engine)
         return max(1, min(self.jobs, self._threads[name]))
 
-    def _begin(self, number: int) -> None:
+    def _start_task(self, number: int) -> None:
         cell = self.cells[number]
         task = Task(
             cell=cell,
@@ -503,7 +503,7 @@ class _Dispatch:
         try:
             outcome = worker.take()
         except LostWorkerError as error:
-            self._begin_again_or_give_up(number, error)
+            self._restart_or_give_up(number, error)
             return
         self._idle.append(worker)
         self._accept(number, outcome)
@@ -516,20 +516,20 @@ class _Dispatch:
         else:
             self._keep(number, outcome.result)
 
-    def _begin_again_or_give_up(self, number: int, error: LostWorkerError) -> None:
+    def _restart_or_give_up(self, number: int, error: LostWorkerError) -> None:
         if not error.own_doing and self._begun[number] < ATTEMPTS:
             self._waiting.appendleft(number)
             return
         times = "" if error.own_doing else f", {self._begun[number]} times in a row"
         self._keep(number, broken_cell(self.cells[number], f"{error}{times}"))
 
-    def _end_hogs(self) -> None:
+    def _end_large_workers(self) -> None:
         """Workers in which an engine takes too much memory; what runs beside them in a process of its own is watched there."""
         for worker, number in list(self._busy.items()):
             if (held := resident(worker.pid, children=False)) > self.memory:
                 del self._busy[worker]
                 worker.kill()
-                self._keep(number, broken_cell(self.cells[number], f"its process {too_much(held, self.memory)}"))
+                self._keep(number, broken_cell(self.cells[number], f"its process {exceeds_memory(held, self.memory)}"))
 
     def _run_here(self, number: int) -> None:
         cell = self.cells[number]
@@ -539,7 +539,7 @@ class _Dispatch:
 
     def _keep(self, number: int, result: CaseResult) -> None:
         self.results[number] = result
-        self._patience.saw(self.cells[number], result)
+        self._patience.record_outcome(self.cells[number], result)
         if self._tell is not None:
             self._tell(number, result)
         self._done += 1

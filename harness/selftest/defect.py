@@ -37,7 +37,7 @@ class Defect:
     name : str
         Unique among the defects of an engine.
     engine : str
-        "dem", "cd", or a kind of contact that contact dynamics is declared as, see `ninedisk.harness.selftest.lies`.
+        "dem", "cd", or a kind of contact that contact dynamics is declared as, see `ninedisk.harness.selftest.faulty_engines`.
     kind : str
         A key of `KINDS`.
     what : str

@@ -209,7 +209,7 @@ CELLS = (
             (IMAGES, "gather_shares", "images.work[0] += 0.5 * dt * (images.load[POWER] + before)",
              "images.work[0] = 0.5 * dt * (images.load[POWER] + before)")),
     _kernel("drift-beside-no-flow", "the lists do not notice that the cell deforms", "cell-flow",
-            (STEP, "farthest_allowed", "room_left(images, skin, widest)", "20.0 * skin")),
+            (STEP, "farthest_allowed", "displacement_limit(images, skin, widest)", "20.0 * skin")),
 )  # fmt: skip
 
 HOLES = tuple(

@@ -162,11 +162,11 @@ def _apply(tree: ast.Module, edit: Edit) -> None:
     scope = _scope(tree, edit)
     outside = _assigned(tree) | vars(builtins).keys()
     inside = _names(scope) | outside
-    places = list(_places(scope, old))
-    found = _found(old, places, set(), set())
+    places = list(_candidate_places(scope, old))
+    found = _find_place(old, places, set(), set())
     names = {name for node in old for name in _names(node)}
     if not found and names - inside and isinstance(scope, ast.FunctionDef | ast.AsyncFunctionDef):
-        found = _found(old, places, names - inside, _assigned(scope) - outside - names)
+        found = _find_place(old, places, names - inside, _assigned(scope) - outside - names)
     if len(found) != 1:
         near = {"\n".join(map(ast.unparse, place.nodes)): None for place in places}
         close = get_close_matches("\n".join(map(ast.unparse, old)), near, n=3)
@@ -220,7 +220,7 @@ def _own(scope: ast.AST, *, whole: bool = False) -> Iterator[ast.AST]:
             yield node
 
 
-def _places(scope: ast.AST, old: Sequence[ast.AST]) -> Iterator[_Place]:
+def _candidate_places(scope: ast.AST, old: Sequence[ast.AST]) -> Iterator[_Place]:
     """Where as many statements stand, or an expression does."""
     kind, count = (ast.expr, 1) if isinstance(old[0], ast.expr) else (ast.stmt, len(old))
     for parent in _own(scope):
@@ -233,7 +233,7 @@ def _places(scope: ast.AST, old: Sequence[ast.AST]) -> Iterator[_Place]:
                 yield _Place(parent, field, None)
 
 
-def _found(
+def _find_place(
     old: list[ast.AST], places: Sequence[_Place], placeholders: set[str], local: set[str]
 ) -> list[tuple[_Place, _Binding]]:
     """Where ``old`` is, and what its placeholders stand for there."""
@@ -255,7 +255,7 @@ def _same(old: object, here: object, bound: _Binding, local: set[str]) -> bool:
         return old == here
     for field in old._fields:
         one, two = getattr(old, field, None), getattr(here, field, None)
-        if field == _named(old) and one in bound:
+        if field == _name_field(old) and one in bound:
             if not bound[one] and two in local and two not in bound.values():
                 bound[one] = two
             if bound[one] != two:
@@ -265,18 +265,18 @@ def _same(old: object, here: object, bound: _Binding, local: set[str]) -> bool:
     return True
 
 
-def _named(node: object) -> str:
+def _name_field(node: object) -> str:
     """The field of a node that is a name of the scope."""
     return {ast.Name: "id", ast.arg: "arg"}.get(type(node), "")
 
 
 def _names(node: ast.AST) -> set[str]:
-    return {getattr(each, field) for each in ast.walk(node) if (field := _named(each))}
+    return {getattr(each, field) for each in ast.walk(node) if (field := _name_field(each))}
 
 
 def _renamed(node: ast.AST, bound: _Binding) -> ast.AST:
     for each in ast.walk(node := copy.deepcopy(node)):
-        if (field := _named(each)) and getattr(each, field) in bound:
+        if (field := _name_field(each)) and getattr(each, field) in bound:
             setattr(each, field, bound[getattr(each, field)])
     return node
 

@@ -36,7 +36,7 @@ def changed(change: Callable[[FloatArray], FloatArray], *names: str) -> After:
     return after
 
 
-def late(array: FloatArray) -> FloatArray:
+def delayed(array: FloatArray) -> FloatArray:
     """Each sample is that of the sample before."""
     return np.concatenate([array[:1], array[:-1]])
 
@@ -86,7 +86,7 @@ def _absolute(array: FloatArray) -> FloatArray:
     return np.abs(array)
 
 
-def minus(array: FloatArray) -> FloatArray:
+def negated(array: FloatArray) -> FloatArray:
     """The other sign."""
     return -array
 
@@ -122,24 +122,24 @@ def _report(engine: str, name: str, what: str, witness: str, after: After, hole:
 
 
 DEFECTS = (
-    _report("dem", "samples-late", "every sample is that of the step before", "press", changed(late, *STATE)),
-    _report("dem", "forces-late", "forces are those of the step before", "press", changed(late, "fn", "fs")),
+    _report("dem", "samples-late", "every sample is that of the step before", "press", changed(delayed, *STATE)),
+    _report("dem", "forces-late", "forces are those of the step before", "press", changed(delayed, "fn", "fs")),
     _report("dem", "forces-as-means", "forces are means over two samples", "press", changed(_mean, "fn", "fs")),
     _report("dem", "impulses", "impulses of a step are reported as forces", "press", _impulses),
     _report("dem", "wrong-pair", "forces belong to another contact", "press", changed(_backwards, "fn", "fs")),
-    _report("dem", "spin-sign", "spins are counted clockwise", "roll", changed(minus, "angle", "omega")),
+    _report("dem", "spin-sign", "spins are counted clockwise", "roll", changed(negated, "angle", "omega")),
     _report("dem", "spin-in-degrees", "spins are in degrees a second", "roll", changed(_degrees, "omega")),
     _report("dem", "shear-unsigned", "shear forces have no sign", "slide", changed(_absolute, "fs")),
-    _report("dem", "gap-sign", "overlaps are reported as gaps", "slide", changed(minus, "gap")),
+    _report("dem", "gap-sign", "overlaps are reported as gaps", "slide", changed(negated, "gap")),
     _report("dem", "gap-positive", "overlaps are reported as no gap", "slide", changed(_without_tension, "gap")),
     _report("dem", "noise", "one part in a million of noise on everything", "press", changed(_noisy, *STATE)),
     _report("dem", "printed", "six digits of everything are reported", "press", changed(_printed, *STATE)),
     _report("dem", "no-last-sample", "forces of the last sample are missing", "slide", changed(_no_end, "fn", "fs")),
-    _report("dem", "wall-force-sign", "forces on walls have the wrong sign", "push-wall", changed(minus, "wall_force")),
+    _report("dem", "wall-force-sign", "forces on walls have the wrong sign", "push-wall", changed(negated, "wall_force")),
     _report("dem", "wall-report-late", "walls are reported where they were a step before", "push-wall",
-            changed(late, "wall_point", "wall_angle")),
+            changed(delayed, "wall_point", "wall_angle")),
     _report("dem", "angle-sign", "rotations, not spins, are counted clockwise", "reopen-disks",
-            changed(minus, "angle")),
+            changed(negated, "angle")),
     _report("dem", "angle-wrapped", "rotations are reported between -pi and pi", "orbit", changed(_wrapped, "angle")),
     _report("cd", "angle-wrapped", "rotations are reported between -pi and pi", "orbit", changed(_wrapped, "angle")),
     _report("dem", "energies-twice", "all energies are twice what they are", "push-wall", _double_energies),
@@ -147,10 +147,10 @@ DEFECTS = (
     _report("cd", "creep", "everything creeps by a ten-millionth of a metre a second", "hold", _creeping),
     _report("cd", "beyond-the-cone", "shear forces are a millionth too large", "hold", changed(_beyond, "fs")),
     _report("cd", "single-precision", "the report is in single precision", "slide", changed(_single, *STATE)),
-    _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(late, "v", "omega")),
+    _report("cd", "velocity-late", "velocities are those of the step before", "slide", changed(delayed, "v", "omega")),
     _report("cd", "half-step-positions", "positions belong to half a step later", "slide", _half_step_positions),
-    _report("cd", "shear-sign", "shear forces have the wrong sign", "slide", changed(minus, "fs")),
+    _report("cd", "shear-sign", "shear forces have the wrong sign", "slide", changed(negated, "fs")),
     _report("cd", "impulses", "impulses of a step are reported as forces", "slide", _impulses),
-    _report("cd", "spin-sign", "spins are counted clockwise", "roll", changed(minus, "angle", "omega")),
+    _report("cd", "spin-sign", "spins are counted clockwise", "roll", changed(negated, "angle", "omega")),
     _report("cd", "noise", "one part in a million of noise on everything", "slide", changed(_noisy, *STATE)),
 )  # fmt: skip

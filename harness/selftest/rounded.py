@@ -24,7 +24,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Stopwatch, Support, timings_of
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
-from ninedisk.harness.engines.cd.adapter import expressed
+from ninedisk.harness.engines.cd.adapter import expressible_scene
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.selftest.declared import DECLARED, Declared, as_rigid
 
@@ -59,7 +59,11 @@ class Rounded:
             elif self._kind == "dem":
                 session, run = DemSession(scene, numerics, watch), _run_disks
             else:
-                given = as_rigid(scene, numerics) if self._kind in DECLARED else (expressed(scene, numerics), numerics)
+                given = (
+                    as_rigid(scene, numerics)
+                    if self._kind in DECLARED
+                    else (expressible_scene(scene, numerics), numerics)
+                )
                 session, run = CdSession(*given, watch), _run_rigid
         with stepping:
             history = in_single(run(session))

@@ -34,7 +34,7 @@ from ninedisk.harness.run.runner import run_cell
 from ninedisk.harness.selftest.declared import DECLARED, RUNS, as_rigid
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit, check_edits
-from ninedisk.harness.selftest.gallery import CLEAN
+from ninedisk.harness.selftest.mutants import CLEAN
 from ninedisk.harness.selftest.panel import PANELS, panel_cells
 from ninedisk.harness.wire.protocol import Request, decode_answer, encode_request
 
@@ -98,7 +98,7 @@ def run_selftest(
         begin = time.perf_counter()
         if defect.kind == "clean" and not defect.edits:
             right[defect.engine] = {cell.name: outcome for cell, outcome in zip(own, found, strict=True)}
-        results = judged(own, [reported(defect, outcome) for outcome in found])
+        results = judged_results(own, [altered_report(defect, outcome) for outcome in found])
         if defect.kind == "clean" and not defect.edits:
             shown[defect.engine] = headline_errors(results)
         row = selftest_row(defect, results, seconds + time.perf_counter() - begin)
@@ -112,7 +112,7 @@ def run_selftest(
             return [row_of(*each, found, 0.0) for each, found in zip(asked, known, strict=True)]
         # What a declared engine computes does not depend on what it is declared as: it runs once.
         once = {_run_of(defect): (defect, own) for defect, own in reversed(asked)}
-        told = dict(zip(once, together(list(once.values())), strict=True))
+        told = dict(zip(once, run_in_one_process(list(once.values())), strict=True))
         seconds = (time.perf_counter() - begin) / len(unit)
         return [row_of(defect, own, told[_run_of(defect)], seconds) for defect, own in asked]
 
@@ -149,17 +149,17 @@ def _units(defects: Sequence[Defect], most: int) -> list[list[Defect]]:
 
 @contextmanager
 def _warm_starts() -> Iterator[None]:
-    """Processes of wrong engines start as copies of one that has loaded all but the core (`isolation.Nursery`); they end here."""
-    before = isolation._nurseries
+    """Processes of wrong engines start as copies of one that has loaded all but the core (`isolation.ForkServer`); they end here."""
+    before = isolation._fork_servers
     isolation.warm_starts()
-    mine = isolation._nurseries
+    mine = isolation._fork_servers
     try:
         yield
     finally:
-        isolation._nurseries = before
+        isolation._fork_servers = before
         if before is None and mine is not None:
-            for nursery in mine.values():
-                nursery.end()
+            for fork_server in mine.values():
+                fork_server.end()
 
 
 def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) -> Row:
@@ -219,7 +219,7 @@ MOVED = 1e-9
 """Part of its scale by which a headline has moved: round-off of a right engine is a thousandth of that."""
 
 
-def looks_right(row: Mapping[str, Any]) -> list[str]:
+def headlines_agree(row: Mapping[str, Any]) -> list[str]:
     """Cases whose checks catch a wrong engine and whose headlines do not move: there it looks as accurate as the right one.
 
     Left out are cases that say why for each quantity whose check fails (`unseen_quantities`).
@@ -246,7 +246,7 @@ def check_id(row: Mapping[str, Any]) -> str:
     return f"{_cell(row)} {row['quantity']} ({row['truth']})"
 
 
-def fine(row: Mapping[str, Any]) -> bool:
+def is_as_expected(row: Mapping[str, Any]) -> bool:
     """Whether a row is as it should be: a wrong engine caught or its hole known, a right one without a failure."""
     if row["kind"] == "clean":
         return not row["caught"] and not row["errors"]
@@ -314,15 +314,15 @@ class EngineWithResult:
         return self._outcome
 
 
-def together(asked: Sequence[tuple[Defect, Sequence[Cell]]]) -> list[list[Outcome]]:
+def run_in_one_process(asked: Sequence[tuple[Defect, Sequence[Cell]]]) -> list[list[Outcome]]:
     """Run defects with the same edits on their cells, in one process; one that it ended before is run again, alone."""
     if len(asked) == 1:
         ((defect, cells),) = asked
-        return [outcomes(defect, cells, compiled=len(cells) == 1 and _long(defect))]
+        return [outcomes(defect, cells, compiled=len(cells) == 1 and _takes_long(defect))]
     found = _outcomes(asked)
     # Where the process ended early, its end is the answer of all that were to come.
     return [
-        outcomes(*each) if any(isinstance(outcome, _EndedError) for outcome in one) else one
+        outcomes(*each) if any(isinstance(outcome, _ProcessEndedError) for outcome in one) else one
         for each, one in zip(asked, found, strict=True)
     ]
 
@@ -338,12 +338,12 @@ def outcomes(defect: Defect, cells: Sequence[Cell], *, compiled: bool = False) -
     return _outcomes([(defect, cells)], compiled=compiled)[0]
 
 
-def _long(defect: Defect) -> bool:
+def _takes_long(defect: Defect) -> bool:
     """Whether the witness takes longer with interpreted kernels than their compilation does."""
     return PANELS[defect.engine][defect.witness].long if defect.witness else False
 
 
-class _EndedError(EngineError):
+class _ProcessEndedError(EngineError):
     """The process ended before it answered."""
 
 
@@ -351,7 +351,7 @@ def _outcomes(asked: Sequence[tuple[Defect, Sequence[Cell]]], *, compiled: bool 
     first = asked[0][0]
     check_edits(first.edits)
     setups = [[_setup(cell) for cell in cells] for _, cells in asked]
-    given = [[_given(defect, setup) for setup in own] for (defect, _), own in zip(asked, setups, strict=True)]
+    given = [[_engine_answers(defect, setup) for setup in own] for (defect, _), own in zip(asked, setups, strict=True)]
     with tempfile.TemporaryDirectory(prefix="ninedisk-selftest-", ignore_cleanup_errors=True) as name:
         files = [[Path(name) / f"answer-{k}-{n}.json" for n in range(len(own))] for k, own in enumerate(setups)]
         runs = [
@@ -381,7 +381,7 @@ def _outcomes(asked: Sequence[tuple[Defect, Sequence[Cell]]], *, compiled: bool 
         return [[_read(file, scene, numerics, setup, ended) for scene, numerics, setup, file in own] for own in runs]
 
 
-def reported(defect: Defect, outcome: Outcome) -> Outcome:
+def altered_report(defect: Defect, outcome: Outcome) -> Outcome:
     """What the wrong engine makes of its own result."""
     if isinstance(outcome, EngineError):
         return outcome
@@ -390,7 +390,7 @@ def reported(defect: Defect, outcome: Outcome) -> Outcome:
     return outcome if defect.after is None else replace(outcome, history=defect.after(outcome.history))
 
 
-def judged(cells: Sequence[Cell], found: Sequence[Outcome]) -> list[CaseResult]:
+def judged_results(cells: Sequence[Cell], found: Sequence[Outcome]) -> list[CaseResult]:
     """Results of the cells, held against all truths that bind the real engine."""
     results = []
     for cell, outcome in zip(cells, found, strict=True):
@@ -407,7 +407,7 @@ def _setup(cell: Cell) -> Setup:
     return cell.setup
 
 
-def _given(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
+def _engine_answers(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
     scene, numerics = setup.scene, setup.numerics
     if defect.engine in DECLARED:
         scene, numerics = as_rigid(scene, numerics)
@@ -419,7 +419,7 @@ def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str
     try:
         text = file.read_text(encoding="utf-8")
     except OSError:
-        return _EndedError(ended or "the process gave no answer")
+        return _ProcessEndedError(ended or "the process gave no answer")
     try:
         run = decode_answer(text, scene=scene, numerics=numerics, watch=setup.watch).run
     except EngineError as error:

@@ -109,12 +109,12 @@ def _stiffness_swapped(law: ContactLaw) -> ContactLaw:
     return replace(law, kn=law.ks, ks=law.kn) if law.ks > 0.0 else law
 
 
-def _halved(numerics: Numerics) -> Numerics:
+def _halved_step(numerics: Numerics) -> Numerics:
     contact = None if numerics.contact_dt is None else 0.5 * numerics.contact_dt
     return numerics.replace(dt=0.5 * numerics.dt, contact_dt=contact)
 
 
-def _coarser(numerics: Numerics) -> Numerics:
+def _coarser_steps(numerics: Numerics) -> Numerics:
     """Half as many contact steps in a step, where there is more than one."""
     if numerics.contact_dt is None:
         return numerics
@@ -126,7 +126,7 @@ def _other_rule(numerics: Numerics) -> Numerics:
     return numerics.replace(sliding="coulomb" if numerics.sliding == "associated" else "associated", solver="auto")
 
 
-def _loose(numerics: Numerics) -> Numerics:
+def _loose_settings(numerics: Numerics) -> Numerics:
     return numerics.replace(options={**numerics.options, "cd.tolerance": 1e-3})
 
 
@@ -147,7 +147,7 @@ def _rolling(**factors: float) -> Callable[[Scene], Scene]:
     return lambda scene: with_laws(scene, change)
 
 
-def mixed(scene: Scene) -> Scene:
+def mixed_friction(scene: Scene) -> Scene:
     """The friction of two unlike materials is the geometric mean of the means that each of them has with all; `ks` where there was none."""
     names = sorted({name for pair in scene.laws for name in pair})
     mean = {name: np.mean([law.mu for pair, law in scene.laws.items() if name in pair]) for name in names}
@@ -184,7 +184,7 @@ DEM = (
            lambda scene: with_laws(scene, lambda law: replace(law, cohesion=0.99 * law.cohesion))),
     _scene("dem", "materials-ignored", "materials are ignored: walls and disks have one law each", "materials",
            lambda scene: scene.replace(laws={})),
-    _scene("dem", "materials-mixed", "the friction of two materials is a mean of theirs", "materials", mixed),
+    _scene("dem", "materials-mixed", "the friction of two materials is a mean of theirs", "materials", mixed_friction),
     Defect(name="forces-by-step", engine="dem", kind="scene", what="forces begin and end with a step", witness="forces",
            before=next_step),
     _scene("dem", "no-torques", "torques on disks are ignored", "forces",
@@ -221,8 +221,8 @@ DEM = (
            lambda scene: with_motion(scene, lambda segment: replace(segment, duration=1.001 * segment.duration))),
     _scene("dem", "turns-blocked-disks", "disks that cannot turn do", "stop",
            lambda scene: with_disks(scene, rotating=True)),
-    _numerics("dem", "half-step", "steps are half as long as they say", "press", _halved),
-    _numerics("dem", "coarse-step", "contact steps are twice as long", "hit-damped", _coarser),
+    _numerics("dem", "half-step", "steps are half as long as they say", "press", _halved_step),
+    _numerics("dem", "coarse-step", "contact steps are twice as long", "hit-damped", _coarser_steps),
 )  # fmt: skip
 
 CD = (
@@ -246,8 +246,8 @@ CD = (
     _numerics("cd", "sliding-rule", "the associated rule and Coulomb's law are exchanged", "throw", _other_rule),
     _numerics("cd", "impact-law", "the theta scheme decides impacts that Newton's law should", "hit-newton",
               lambda numerics: numerics.replace(impact="theta", theta=1.0)),
-    _numerics("cd", "loose-solver", "contact problems are solved to one part in a thousand", "press", _loose),
-    _numerics("cd", "half-step", "steps are half as long as they say", "slide", _halved),
+    _numerics("cd", "loose-solver", "contact problems are solved to one part in a thousand", "press", _loose_settings),
+    _numerics("cd", "half-step", "steps are half as long as they say", "slide", _halved_step),
 )  # fmt: skip
 
 DEFECTS = (*DEM, *_unequal("dem"), *CD, *_unequal("cd"))

@@ -152,7 +152,7 @@ class CellCheck:
                 stored = None
             patience = self.plan.patience
             results[key] = run_cell(self.cell, given_up=patience.given_up(self.cell)) if stored is None else stored
-            patience.saw(self.cell, results[key])
+            patience.record_outcome(self.cell, results[key])
         return results[key]
 
     def verify(self) -> None:

@@ -44,7 +44,7 @@ class StoredCells:
     def find(self, cell: Cell) -> CaseResult | None:
         """The stored result of a planned cell, or None if it has to run."""
         key = (cell.case.id, cell.variant.id, cell.engine_id)
-        if key not in self.cells or isinstance(cell.engine, Exception) or not _ours(cell):
+        if key not in self.cells or isinstance(cell.engine, Exception) or not _is_own_engine(cell):
             return None
         run_id, stored = self.cells[key]
         planned = planned_columns(cell)
@@ -54,7 +54,7 @@ class StoredCells:
         return CaseResult(cell=stored, rows=self.rows[run_id, key])
 
 
-def _ours(cell: Cell) -> bool:
+def _is_own_engine(cell: Cell) -> bool:
     known = (case_table().get(cell.case.id), engine_table().get(cell.engine_id))
     return all(entry is not None and entry.origin == BUILTIN for entry in known)
 

@@ -43,7 +43,7 @@ from ninedisk.harness.api.support import (
     rigid_support,
     without_spring_preload,
 )
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 from ninedisk.harness.run.isolation import Finished, run_isolated
 from ninedisk.harness.run.limits import time_limit_from_environment
 from ninedisk.harness.wire.external import ExternalEngine
@@ -237,7 +237,7 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
     traits |= {trait: data[trait] for trait in _TRAITS if trait in data}
     traits |= {trait: frozenset(names[name] for name in data[trait]) for trait in _ARMS if trait in data}
     differences = {each: str(each) for each in Difference if data.get(each.name.lower())}
-    out_of_scope = {names[name]: printable(link) for name, link in data.get("out_of_scope", {}).items()}
+    out_of_scope = {names[name]: one_line(link) for name, link in data.get("out_of_scope", {}).items()}
     both = sorted(set(data["capabilities"]) & set(data.get("out_of_scope", {})))
     if both:
         raise WireError(
@@ -253,13 +253,13 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         )
     info = EngineInfo(
         id=data["id"],
-        name=printable(data.get("name", data["id"])),
-        version=None if data["version"] is None else printable(data["version"]),
-        scheme=printable(data["scheme"]),
+        name=one_line(data.get("name", data["id"])),
+        version=None if data["version"] is None else one_line(data["version"]),
+        scheme=one_line(data["scheme"]),
         contact=data["contact"],
-        licence=printable(data.get("licence", "not stated")),
+        licence=one_line(data.get("licence", "not stated")),
         how_it_runs=how_it_runs,
-        install=printable(data.get("install", "given by --engine-cmd")),
+        install=one_line(data.get("install", "given by --engine-cmd")),
         not_installed_because="its description gives no version" if data["version"] is None else "",
         capabilities=frozenset(names[name] for name in data["capabilities"]),
         differences=differences,
@@ -267,17 +267,17 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
         out_of_scope=out_of_scope,
         **traits,
     )
-    near = tuple(printable(text) for text in data.get("approximations", ()))
+    near = tuple(one_line(text) for text in data.get("approximations", ()))
     return Description(info, near or (NOTE_SOFT,) if info.contact == "soft" else near)
 
 
 def _option(name: str, given: Mapping[str, Any]) -> Option:
     if "choices" in given:
-        option = Option(default=given["default"], why=printable(given["why"]), choices=tuple(given["choices"]))
+        option = Option(default=given["default"], why=one_line(given["why"]), choices=tuple(given["choices"]))
     else:
         rest = {key: value for key, value in given.items() if key not in ("default", "why", "none")}
-        meaning = printable(given.get("none", ""))
-        option = Option(default=given["default"], why=printable(given["why"]), none=meaning, **rest)
+        meaning = one_line(given.get("none", ""))
+        option = Option(default=given["default"], why=one_line(given["why"]), none=meaning, **rest)
     try:
         option.checked(name, option.default)
     except InvalidNumericsError as error:

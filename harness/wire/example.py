@@ -11,7 +11,7 @@ from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.api.support import contact_steps, support_of
 from ninedisk.harness.run.plan import plan_case
-from ninedisk.harness.run.runner import why_not
+from ninedisk.harness.run.runner import unsupported_reason
 from ninedisk.harness.wire.command import CommandEngine
 from ninedisk.harness.wire.protocol import Request, encode_request
 
@@ -23,9 +23,9 @@ def example_request(
     params: Mapping[str, Any],
     engine: Engine | None = None,
     options: Mapping[str, Any] | None = None,
-    tell: Callable[[str], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
 ) -> str:
-    """Text of the request as an engine gets it, its ``options`` in it; ``tell`` hears if a run does not ask it.
+    """Text of the request as an engine gets it, its ``options`` in it; ``notify`` hears if a run does not ask it.
 
     Without an engine it is that of an engine with contact springs; others ignore ``contact_dt``.
 
@@ -42,7 +42,7 @@ def example_request(
             raise setup
         support = support_of(engine, setup.scene, setup.numerics)
         if support.level is SupportLevel.NO:
-            tell(f"a run does not ask {engine.id} for this: {why_not(facts_of(engine), support)}")
+            notify(f"a run does not ask {engine.id} for this: {unsupported_reason(facts_of(engine), support)}")
         scene, numerics = setup.scene, setup.numerics
         if isinstance(engine, CommandEngine):
             scene, numerics = engine.asked(scene, numerics)

@@ -55,7 +55,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.engine import EngineError, EngineRun, EngineUnsupportedError, Timings
-from ninedisk.harness.api.text import printable
+from ninedisk.harness.api.text import one_line
 
 ANSWER_KEYS = ("wire_version", "engine_version", "timings", "settings", "history")
 TIMING_KEYS = ("setup", "warm_up", "advance")
@@ -211,7 +211,7 @@ def decode_answer(
     """
     data = parse_message(text, "answer")
     if "error" in data:
-        raise EngineError(f"the engine gave up: {printable(str(data['error']))}")
+        raise EngineError(f"the engine gave up: {one_line(str(data['error']))}")
     if "unsupported" in data:
         expect_keys(data, ("wire_version", "unsupported"), "answer")
         raise EngineUnsupportedError(text_field(data["unsupported"], "unsupported"))
@@ -339,23 +339,23 @@ def text_field(value: Any, name: str) -> str:
     """A string, without control characters and halves of characters, which no terminal and no file can show."""
     if not isinstance(value, str):
         raise WireError(f"{name} must be a string, not {value!r:.80}")
-    return printable(value)
+    return one_line(value)
 
 
 def settings_field(value: Any) -> dict[str, Any]:
     """An object of settings as it can be stored and shown: texts printable, numbers beyond doubles and 64 bits as text."""
     if not isinstance(value, Mapping):
         raise WireError(f"settings must be an object, not {value!r:.80}")
-    return {printable(str(key)): _storable(entry, SETTINGS_DEPTH) for key, entry in value.items()}
+    return {one_line(str(key)): _storable(entry, SETTINGS_DEPTH) for key, entry in value.items()}
 
 
 def _storable(value: Any, depth: int) -> Any:
     if depth == 0:
         raise WireError(f"settings are nested more than {SETTINGS_DEPTH} deep: write them flat, or as text")
     if isinstance(value, str):
-        return printable(value)
+        return one_line(value)
     if isinstance(value, Mapping):
-        return {printable(str(key)): _storable(entry, depth - 1) for key, entry in value.items()}
+        return {one_line(str(key)): _storable(entry, depth - 1) for key, entry in value.items()}
     if isinstance(value, list):
         return [_storable(entry, depth - 1) for entry in value]
     if isinstance(value, float) and not np.isfinite(value):

@@ -68,7 +68,7 @@ def pair_shear(d: FloatArray, *, slip_at: str) -> FloatArray:
 
 
 def turning_wall_steps(
-    *, radius: float, overlap: float, way: float, angle: float, half: int, cycles: int, mid_overlap: bool, slip_at: str
+    *, radius: float, overlap: float, path: float, angle: float, half: int, cycles: int, mid_overlap: bool, slip_at: str
 ) -> FloatArray:
     """``fs/ks`` [m] at every step of the disk at rest of `ninedisk.references.analytic.contact.retraced_loop.turning_wall_shear`.
 
@@ -91,7 +91,7 @@ def turning_wall_steps(
     ValueError
         If an argument is out of range.
     """
-    positive(radius=radius, overlap=overlap, way=way, angle=angle)
+    positive(radius=radius, overlap=overlap, path=path, angle=angle)
     if overlap >= radius:
         raise ValueError(f"overlap = {overlap!r} m is not allowed: it must be below the radius {radius!r} m")
     count(least=1, half=half)
@@ -109,9 +109,9 @@ def turning_wall_steps(
     at = steps % (2 * half) / half
     part = np.minimum(at, 2 - at)
     # At the end of the way back the remainder is 0 and so is the part.
-    slid = way * np.sin(angle * part) + (np.longdouble(radius) - overlap) * angle
+    slid = path * np.sin(angle * part) + (np.longdouble(radius) - overlap) * angle
     if mid_overlap:
-        slid = slid + angle * (overlap + way * part * np.cos(angle * part)) / 2
+        slid = slid + angle * (overlap + path * part * np.cos(angle * part)) / 2
     return np.asarray(np.concatenate([[0.0], np.cumsum(sign * slid)]), dtype=np.float64)
 
 

@@ -197,7 +197,7 @@ def _read(setup: Mapping[str, Any]) -> SceneView | None:
     return SceneView(x, v, radius, rotating, walls, gravity, tuple(marks), edges, block, cell)
 
 
-def upright(scene: SceneView) -> SceneView:
+def with_gravity_down(scene: SceneView) -> SceneView:
     """A scene turned about the origin such that gravity points down; as it is without gravity."""
     strength = float(np.hypot(*scene.gravity))
     if strength == 0.0 or scene.gravity[1] <= -strength * (1.0 - 1e-12):
@@ -353,10 +353,10 @@ def read_space(setup: Mapping[str, Any]) -> SpaceView | None:
         radius = np.array(spheres["radius"], dtype=np.float64).reshape(len(x))
         walls = tuple(_plane_of(wall) for wall in scene["walls"])
         labels = setup.get("labels") or {f"{i}–{j}": (i, j) for i, j in setup.get("watch", ())}
-        told = (
+        reported = (
             (str(label), _contact(np.array(pair, dtype=np.int64), x, radius, walls)) for label, pair in labels.items()
         )
-        marks = tuple((label, place) for label, place in told if place is not None)
+        marks = tuple((label, place) for label, place in reported if place is not None)
         gravity = np.array(scene["gravity"], dtype=np.float64).reshape(3)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError):
         return None
@@ -450,10 +450,10 @@ def draw_sketch(scene: SceneView) -> str:
 
     if scene.cell is not None:
         return _draw_cell(scene, scene.cell)
-    scene = upright(scene)
+    scene = with_gravity_down(scene)
     with rc_context(rc_params()):
         low, high, size = _box(scene.x, scene.radius, 0.3)
-        figure, axes = _blank(low, high)
+        figure, axes = _empty_axes(low, high)
         for wall in scene.walls:
             _wall(axes, wall, scene.walls, low, high, hatch=True)
         for k, (centre, radius) in enumerate(zip(scene.x, scene.radius, strict=True)):
@@ -495,7 +495,7 @@ def draw_projection(picture: Projection) -> str:
     few = np.count_nonzero(v.any(axis=1) | omega.any(axis=1)) <= MOST_TOLD
     with rc_context(rc_params()):
         low, high, size = _box(x, scene.radius, 0.3)
-        figure, axes = _blank(low, high)
+        figure, axes = _empty_axes(low, high)
         cuts = picture.cuts()
         lines = tuple(cut for cut, _ in cuts)
         for cut, edge_on in cuts:
@@ -558,7 +558,7 @@ def _draw_cell(scene: SceneView, cell: CellView) -> str:
 
     with rc_context(rc_params()):
         low, high, size = _box(cell.outline(0.0), np.zeros(4), 0.22)
-        figure, axes = _blank(low, high)
+        figure, axes = _empty_axes(low, high)
         _cell(axes, cell, 0.0, INK)
         x, images, of = cell.placed(scene.x, scene.radius, 0.0)
         for centre, radius in zip(images, scene.radius[of], strict=True):
@@ -596,7 +596,7 @@ def draw_configuration(configuration: Configuration) -> str:
             outline = configuration.cell[0].outline(configuration.cell[1])
             every, radii = outline, np.full(4, configuration.radius.max(initial=0.0))
         low, high, _ = _box(every, radii, 0.07)
-        figure, axes = _blank(low, high)
+        figure, axes = _empty_axes(low, high)
         axes.set_title(configuration.title)
         if configuration.cell is not None:
             _cell(axes, *configuration.cell, INK)
@@ -635,12 +635,14 @@ def numbers_of(picture: SceneView | Configuration | Projection) -> str:
     lines = ["engine,kind,number,x [m],y [m],radius [m],angle [rad],vx [m/s],vy [m/s],normal x,normal y"]
 
     def add(*cells: Any) -> None:
-        told = [
+        reported = [
             "" if cell is None or cell != cell else cell if isinstance(cell, str) else repr(float(cell))
             for cell in cells
         ]
         lines.append(
-            ",".join(f'"{cell.replace(chr(34), chr(34) * 2)}"' if set(cell) & set(',"\n') else cell for cell in told)
+            ",".join(
+                f'"{cell.replace(chr(34), chr(34) * 2)}"' if set(cell) & set(',"\n') else cell for cell in reported
+            )
         )
 
     if isinstance(picture, SceneView):
@@ -699,7 +701,7 @@ def _box(x: FloatArray, radius: FloatArray, margin: float) -> tuple[FloatArray, 
     return low - margin * extent, high + margin * extent, 0.3 * extent
 
 
-def _blank(low: FloatArray, high: FloatArray) -> tuple[Any, Any]:
+def _empty_axes(low: FloatArray, high: FloatArray) -> tuple[Any, Any]:
     from matplotlib.figure import Figure
 
     shape = (high - low)[1] / (high - low)[0]
@@ -961,8 +963,8 @@ def draw_history(panel: HistoryPanel) -> str:
     from matplotlib.figure import Figure
 
     with rc_context(rc_params()):
-        told = textwrap.wrap(panel.note, 78)
-        foot = 0.13 * len(told)
+        reported = textwrap.wrap(panel.note, 78)
+        foot = 0.13 * len(reported)
         tall = (2.3 if panel.error_limits is None else 3.6) + foot
         figure = Figure(figsize=(4.3, tall))
         if panel.error_limits is None:
@@ -972,8 +974,8 @@ def draw_history(panel: HistoryPanel) -> str:
         # Fixed margins: measuring the texts takes longer than drawing everything else.
         figure.subplots_adjust(left=0.17, right=0.78, top=1.0 - 0.45 / tall, bottom=(0.43 + foot) / tall, hspace=0.1)
         figure.text(0.02, 0.985, panel.title, fontsize=9.0, va="top")
-        if told:
-            figure.text(0.02, 0.01, "\n".join(told), fontsize=6.5, va="bottom")
+        if reported:
+            figure.text(0.02, 0.01, "\n".join(reported), fontsize=6.5, va="bottom")
         top.set_ylabel(panel.y_label)
         top.set_ylim(*panel.y_limits)
         for line in panel.references:
@@ -1092,7 +1094,7 @@ def log_label(value: float) -> str:
 
 def _plot(axes: Any, look: Look, x: FloatArray, y: FloatArray, zorder: float, most: int = MOST_POINTS) -> None:
     x, y = joined(x, y)
-    keep = thin(x, y, most)
+    keep = thinned_indices(x, y, most)
     x, y = x[keep], y[keep]
     options: dict[str, Any] = {"color": look.colour, "linewidth": look.width, "zorder": zorder}
     if look.dash:
@@ -1113,7 +1115,7 @@ def joined(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return (x[held], y[held]) if 2 * alone.sum() > held.sum() else (x, y)
 
 
-def thin(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> NDArray[np.int64]:
+def thinned_indices(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> NDArray[np.int64]:
     """Indices of at most ``most`` points that keep the ends and the extremes of every stretch."""
     if len(x) <= most:
         return np.arange(len(x))

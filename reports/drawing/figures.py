@@ -127,17 +127,22 @@ def case_budgets(panel: Panel, case: CaseData) -> list[tuple[Figure, list[tuple[
             panels = []
             for engine in sorted(panel.engines):
                 curves = [(q, panel.stored.series.get((case.id, variant, engine, q.name))) for q in plan.quantities]
-                told = [(quantity, curve) for quantity, curve in curves if curve is not None]
-                if len(told) < len(curves) or not all(np.isfinite(curve.value).all() for _, curve in told):
+                reported = [(quantity, curve) for quantity, curve in curves if curve is not None]
+                if len(reported) < len(curves) or not all(np.isfinite(curve.value).all() for _, curve in reported):
                     continue
-                size = max(_largest(curve.value) for _, curve in told)
-                shown = [(q, curve.value) for q, curve in told if _largest(curve.value) > ROUND_OFF * size]
-                base = -sum((value for q, value in shown if q.number == "-"), start=np.zeros_like(told[0][1].t))
+                size = max(_largest(curve.value) for _, curve in reported)
+                shown = [(q, curve.value) for q, curve in reported if _largest(curve.value) > ROUND_OFF * size]
+                base = -sum((value for q, value in shown if q.number == "-"), start=np.zeros_like(reported[0][1].t))
                 bands = tuple((q.label, plan.quantities.index(q), value) for q, value in shown if q.number != "-")
                 name = "; ".join(q.label for q, _ in shown if q.number == "-")
                 panels.append(
                     StackPanel(
-                        panel.engines[engine].name, f"energy [{told[0][1].unit}]", told[0][1].t, base, name, bands
+                        panel.engines[engine].name,
+                        f"energy [{reported[0][1].unit}]",
+                        reported[0][1].t,
+                        base,
+                        name,
+                        bands,
                     )
                 )
             if panels:
@@ -264,12 +269,12 @@ class _Builder:
                 error_limits=bounds,
                 floor=floor,
                 note=" ".join(
-                    told
-                    for told in (
+                    reported
+                    for reported in (
                         _outside(lines, limits, f" {unit}" if unit not in ("", "-", "1") else ""),
                         _against(engines, self.looks.engines) if bounds else "",
                     )
-                    if told
+                    if reported
                 ),
             )
             spec = {
@@ -323,8 +328,8 @@ def _outside(lines: Iterable[Line], limits: tuple[float, float], unit: str) -> s
         return ""
     far.sort(key=lambda each: -each[0])
     more = f" and {len(far) - 3} more" if len(far) > 3 else ""
-    told = ", ".join(words for _, words in far[:3])
-    return f"Clipped: {len(far)} engine{'' if len(far) == 1 else 's'} leave{'s' if len(far) == 1 else ''} the picture, {told}{more}."
+    reported = ", ".join(words for _, words in far[:3])
+    return f"Clipped: {len(far)} engine{'' if len(far) == 1 else 's'} leave{'s' if len(far) == 1 else ''} the picture, {reported}{more}."
 
 
 def _against(engines: dict[str, Curve], looks: dict[str, Look]) -> str:
@@ -340,11 +345,11 @@ def _against(engines: dict[str, Curve], looks: dict[str, Look]) -> str:
     )
     if len(by) == 1:
         return f"Strip: distance from the {next(iter(by))} truth.{scheme}"
-    told = [
+    reported = [
         f"{truth} ({', '.join(names) if len(names) < 3 else f'{len(names)} engines'})"
         for truth, names in sorted(by.items(), key=lambda item: len(item[1]))
     ]
-    return f"Strip: distance from each engine's truth: {'; '.join(told)}.{scheme}" if told else ""
+    return f"Strip: distance from each engine's truth: {'; '.join(reported)}.{scheme}" if reported else ""
 
 
 def _window(curve: Curve, last: int | None) -> Curve:
@@ -371,9 +376,9 @@ def _text(value: Any) -> str:
 def _alt(picture: HistoryPanel, heading: str) -> str:
     engines = ", ".join(line.look.label for line in picture.lines)
     worst = [(float(np.nanmax(line.error)), line.look.label) for line in picture.lines if line.error is not None]
-    told = f" Largest error {max(worst)[0]:.1e} ({max(worst)[1]})." if worst else " No truth to compare with."
+    reported = f" Largest error {max(worst)[0]:.1e} ({max(worst)[1]})." if worst else " No truth to compare with."
     where = f" ({heading})" if heading else ""
-    return f"{picture.title}{where}: {picture.y_label} over {picture.x_label}. Engines: {engines}.{told}"
+    return f"{picture.title}{where}: {picture.y_label} over {picture.x_label}. Engines: {engines}.{reported}"
 
 
 GENERIC = Figure(
@@ -498,8 +503,8 @@ def _grouped(case: CaseData, norm: str, truths: tuple[str, ...] | None, only: tu
         for key, engines in held.items()
         if len({size for rows in engines.values() for size, _ in rows}) > 1
     }
-    told = varying(groups[group] for group in dict.fromkeys(key[0] for key in kept))
-    return {(parameters(groups[key[0]], told), *key[1:]): engines for key, engines in kept.items()}
+    reported = varying(groups[group] for group in dict.fromkeys(key[0] for key in kept))
+    return {(parameters(groups[key[0]], reported), *key[1:]): engines for key, engines in kept.items()}
 
 
 def _label(step: str) -> str:
@@ -545,9 +550,9 @@ def engine_speed(panel: Panel, engine: str) -> PointChart | None:
     for k, case in enumerate(panel.cases.values()):
         look = Look(case.title, *numbered_look(k))
         for name, points in speed_points(case).items():
-            told = [(x, y, f"{case.id} {variant}") for x, y, variant in points]
+            reported = [(x, y, f"{case.id} {variant}") for x, y, variant in points]
             if name == engine:
-                own.append(_dots(f"case {case.id}", look, told))
+                own.append(_dots(f"case {case.id}", look, reported))
             else:
                 others += [(x, y, f"{panel.engines[name].name}, {case.id}") for x, y, _ in points]
     if not own:

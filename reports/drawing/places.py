@@ -46,11 +46,13 @@ def place_figures(case: CaseData, looks: dict[str, Look], series: Series) -> lis
         rows = _rows(case, plan) or _samples(case, plan, series)
         variants = [name for name, params in case.variants.items() if any(cell[1] == name for cell in rows)]
         apart = varying(case.variants[name] for name in variants)
-        told = {name: parameters(case.variants[name], apart) or name for name in variants}
+        reported = {name: parameters(case.variants[name], apart) or name for name in variants}
         charts = []
         for label in dict.fromkeys(plotted.label for plotted in plan.quantities):
             quantities = [plotted for plotted in plan.quantities if plotted.label == label]
-            charts += (_apart if plan.apart else _together)(plan, label, quantities, rows, looks, told, case.variants)
+            charts += (_separate_series if plan.apart else _joined_series)(
+                plan, label, quantities, rows, looks, reported, case.variants
+            )
         if charts:
             legend = {key: looks.get(key, look) for chart in charts for key, look in chart.looks.items()}
             legend = dict(sorted(legend.items(), key=lambda each: each[0].startswith(READ)))
@@ -127,12 +129,12 @@ def _points(
                     off, truth = abs(math.log(y / level)), level if truth else math.nan
                 if "x" not in plan.log or x > 0.0:
                     found.append(_Point(x, y, truth, str(row["source"]), off, engine, variant))
-    if _is_way(quantities) and any(plotted.at in held for plotted in quantities for held in rows.values()):
+    if _is_path(quantities) and any(plotted.at in held for plotted in quantities for held in rows.values()):
         return found
     return sorted(found, key=lambda point: point.x)
 
 
-def _is_way(quantities: Sequence[Plotted]) -> bool:
+def _is_path(quantities: Sequence[Plotted]) -> bool:
     """Whether quantities have places that are quantities, each its own: points of a curve in the plane."""
     return len({plotted.at for plotted in quantities}) > 1 and all(
         math.isnan(_number(plotted.at)) for plotted in quantities
@@ -184,9 +186,9 @@ def _truths(points: list[_Point]) -> tuple[Guide, ...]:
     return tuple((named.pop(name, ""), xs, ys) for (xs, ys), name in found.items())
 
 
-def _together(
+def _joined_series(
     plan: Figure, label: str, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], looks: dict[str, Look],
-    told: dict[str, str], variants: dict[str, dict[str, Any]],
+    reported: dict[str, str], variants: dict[str, dict[str, Any]],
 ) -> list[PointChart]:  # fmt: skip
     """One chart for all engines; one whose cells differ in the plan's ``compare`` has a line for each value."""
     points = _points(plan, quantities, rows, variants)
@@ -202,7 +204,7 @@ def _together(
             own, short = looks[engine], ""
             if len(lines) > 1:
                 own, short = replace(own, label=f"{own.label}, {value}"), value.rpartition(" ")[2]
-            dots.append(_dots(engine, own, mine, [told[point.variant] for point in mine], short))
+            dots.append(_dots(engine, own, mine, [reported[point.variant] for point in mine], short))
     curves = [curve for curve in plan.curves if curve.label == label]
     truths = tuple((curve.name, curve.x, curve.y) for curve in curves if not curve.reader)
     if truths:  # they lead from place to place: of few places marks alone, of many samples a line alone
@@ -219,19 +221,19 @@ def _together(
     return [_chart(plan, label, label, dots, truths or _truths(points))] if dots else []
 
 
-def _apart(
+def _separate_series(
     plan: Figure, label: str, quantities: list[Plotted], rows: dict[Cell, dict[str, Row]], looks: dict[str, Look],
-    told: dict[str, str], variants: dict[str, dict[str, Any]],
+    reported: dict[str, str], variants: dict[str, dict[str, Any]],
 ) -> list[PointChart]:  # fmt: skip
     """One chart an engine on the axes that hold them all, the one whose points are drawn farthest from their truths first."""
     points = _points(plan, quantities, rows, variants)
-    lines = {name: Look(words, *numbered_look(k)) for k, (name, words) in enumerate(told.items())}
+    lines = {name: Look(words, *numbered_look(k)) for k, (name, words) in enumerate(reported.items())}
     drawn = []
     for engine in dict.fromkeys(point.engine for point in points):
         mine = [point for point in points if point.engine == engine]
         dots = [
-            _dots(f"variant {name}", lines[name], held, [told[name]] * len(held))
-            for name in told
+            _dots(f"variant {name}", lines[name], held, [reported[name]] * len(held))
+            for name in reported
             if (held := [point for point in mine if point.variant == name])
         ]
         truths = tuple(("", x, y) for _, x, y in _truths(mine))  # lines of many engines hide them: no room for names
@@ -251,5 +253,5 @@ def _chart(
 ) -> PointChart:  # fmt: skip
     return PointChart(
         title, plan.at_label, label, tuple(dots), guides, x_log="x" in plan.log, y_log="y" in plan.log, limits=limits,
-        decades=True, bare=plan.apart or bool(plan.curves), equal=plan.apart and _is_way(plan.quantities),
+        decades=True, bare=plan.apart or bool(plan.curves), equal=plan.apart and _is_path(plan.quantities),
     )  # fmt: skip

@@ -128,8 +128,8 @@ def _configurations(arrays: Arrays, frames: Mapping[str, Any], view: SpaceView) 
     walls = {}
     for name, given in still.items():
         start = np.tile(np.array(given, dtype=np.float64).reshape(1, -1, 3), (count, 1, 1))
-        told = np.asarray(frames.get(name, start), dtype=np.float64)
-        walls[name] = np.where(np.isfinite(told), told, start)
+        reported = np.asarray(frames.get(name, start), dtype=np.float64)
+        walls[name] = np.where(np.isfinite(reported), reported, start)
     return {
         **{name: arrays(np.nan_to_num(np.asarray(frames[name], dtype=np.float64))) for name in ("t", "x", "angle")},
         **{name: arrays(value) for name, value in walls.items()},

@@ -164,7 +164,7 @@ def slower_than_fastest(case: CaseData) -> dict[str, float]:
     return {engine: math.exp(sum(each) / len(each)) for engine, each in logs.items()}
 
 
-def never_asked(panel: Panel, engine: EngineFacts) -> tuple[list[str], list[str]] | None:
+def without_headline(panel: Panel, engine: EngineFacts) -> tuple[list[str], list[str]] | None:
     """Capabilities that an engine declares and no cell that it ran asked for, and those that some cell did; None where not stored."""
     cells = [cell for case in panel.cases.values() for cell in case.cells if cell["engine"] == engine.id]
     declared = {str(word) for cell in cells for word in decoded(cell["capabilities"], list)}

@@ -15,12 +15,12 @@ from ninedisk.harness.results.reader import (
     CELL_KEY,
     CellKey,
     cell_key,
-    moment,
     read_about,
     read_determinism,
     read_rows,
     read_table,
     run_ids,
+    run_time,
 )
 from ninedisk.harness.results.schema import Comparison, EvaluatedFinding, Row
 from ninedisk.reports.folder import ReportError
@@ -139,7 +139,7 @@ def _finished_runs(store: Path) -> list[Row]:
     runs = [read_about(store, run_id) for run_id in run_ids(store)]
     if not runs:
         raise ReportError(f"{store} holds no finished run: run `ninedisk run --store {store}` first")
-    return sorted(runs, key=lambda run: (moment(str(run["started"])), str(run["run_id"])))
+    return sorted(runs, key=lambda run: (run_time(str(run["started"])), str(run["run_id"])))
 
 
 def _rows_of(own: Container[CellKey], store: Path, run: Row, name: str) -> list[Row]:

@@ -312,17 +312,17 @@ def difference_matrix(
 
 def _scales(series: Series, case: str, measurements: Iterable[Row]) -> dict[str, float]:
     """Largest finite ``|truth|`` of each quantity of a case, or size of its checks; of the values where neither is above 0."""
-    told: dict[str, float] = {}
+    reported: dict[str, float] = {}
     value: dict[str, float] = {}
     for row in measurements:
         if math.isfinite(size := as_float(row["scale"])):
-            told[row["quantity"]] = max(told.get(row["quantity"], 0.0), size)
+            reported[row["quantity"]] = max(reported.get(row["quantity"], 0.0), size)
     for (name, _, _, quantity), curve in series.items():
         if name == case:
-            told[quantity] = max(told.get(quantity, 0.0), curve.scale)
+            reported[quantity] = max(reported.get(quantity, 0.0), curve.scale)
             finite = np.abs(curve.value[np.isfinite(curve.value)])
             value[quantity] = max(value.get(quantity, 0.0), float(finite.max(initial=0.0)))
-    return {quantity: told[quantity] or size for quantity, size in value.items()}
+    return {quantity: reported[quantity] or size for quantity, size in value.items()}
 
 
 SHOWN = 40

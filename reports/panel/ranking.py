@@ -178,12 +178,12 @@ def rank(panel: Panel, case: CaseData) -> Ranking:
             why.append(f"its error shrinks with the step, of order {order:.2g}")
         if far:
             found = [each for each in panel.stored.findings if (each.engine, each.case) == (name, case.id)]
-            told = [
+            reported = [
                 f"finding {each.id}: {each.what}"
                 for each in found
                 if each.size > EQUAL and not each.id.startswith("source/")
             ]
-            why = told + why
+            why = reported + why
         if far and not why:
             why.append("nothing stored says why: no note, no known difference")
         engines.append(Ranked(panel.engines[name], summary, worst, order, time, why))
@@ -294,24 +294,24 @@ def reasons(cells: Sequence[Row], measurements: Sequence[Row], far: Sequence[str
     scheme is what is off.
     """
     tried = [cell for cell in cells if cell["status"] not in NOT_TRIED]
-    told: dict[str, None] = {}
+    reported: dict[str, None] = {}
     for cell in [cell for cell in tried if cell["status"] in ("error", "timeout")] or ([] if tried else cells):
-        told[str(cell["reason"]) or str(cell["status"])] = None
+        reported[str(cell["reason"]) or str(cell["status"])] = None
     failed = worst_first(row for row in measurements if row["status"] == "fail")
     if failed:
         more = f" (and {len(failed) - 1} more)" if len(failed) > 1 else ""
-        told[f"{failed[0]['quantity']} fails: {failed[0]['reason']}{more}"] = None
+        reported[f"{failed[0]['quantity']} fails: {failed[0]['reason']}{more}"] = None
     for row in measurements:
         if row["status"] == "known-difference":
-            told[f"known-difference: {row['reason']}"] = None
+            reported[f"known-difference: {row['reason']}"] = None
     for row in measurements:
         if row["variant"] in far and row["truth"] == "exact-step" and row["status"] == "pass":
-            told[f"its scheme says so, and it meets that scheme's exact solution: {row['source']}"] = None
+            reported[f"its scheme says so, and it meets that scheme's exact solution: {row['source']}"] = None
     for cell in tried:
         if cell["support"] in ("approximate", "equivalent"):
             for note in decoded(cell["notes"], list):
-                told[str(note)] = None
-    return list(told)
+                reported[str(note)] = None
+    return list(reported)
 
 
 @dataclass(frozen=True)

@@ -55,8 +55,8 @@ def ratio(value: Any) -> str:
     if x == 0.0:
         return "0"
     if f"{x:.2g}" == "1":
-        told = f"{x:.4g}"
-        return told if told != "1" or x <= 1.0 else "> 1"
+        reported = f"{x:.4g}"
+        return reported if reported != "1" or x <= 1.0 else "> 1"
     return f"{x:.2g}" if 0.01 <= float(f"{x:.1e}") < 99.5 else f"{x:.0f}" if 99.5 <= x < 1000.0 else _scientific(x)
 
 
@@ -71,13 +71,13 @@ def order(value: Any) -> str:
     return f"{round(x, 2) + 0.0:.2f}" if math.isfinite(x) else NOTHING
 
 
-def times(value: Any) -> str:
+def factor_text(value: Any) -> str:
     """How many times as long something took: ``1``, ``3.4``, ``120``."""
     x = as_float(value)
     return f"{x:.2g}" if x < 99.5 else f"{x:.0f}" if math.isfinite(x) else NOTHING
 
 
-def some(number: int, word: str) -> str:
+def count_noun(number: int, word: str) -> str:
     """A number and a noun: ``1,162 checks``, ``1 check``."""
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 

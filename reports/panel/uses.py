@@ -25,7 +25,7 @@ from ninedisk.harness.results.schema import ROUND_OFF, USES, Row
 from ninedisk.reports.panel.headlines import has_number
 from ninedisk.reports.panel.model import STEPS, EngineFacts, Panel
 from ninedisk.reports.panel.ranking import EQUAL, percent, time_at
-from ninedisk.reports.panel.text import as_float, decade, decoded, times
+from ninedisk.reports.panel.text import as_float, decade, decoded, factor_text
 
 LITTLE = 0.5
 """What an engine has to cover of a use to be ranked."""
@@ -113,9 +113,12 @@ class Use:
     def widest(self) -> Sequence[Rank]:
         """The ranked engines of the least error among those with a number on the most headlines, all that tie; none where `best` has it."""
         most = max((rank.rated for rank in self.right), default=0)
-        told = [rank for rank in self.right if rank.rated == most]
+        reported = [rank for rank in self.right if rank.rated == most]
         return [
-            rank for rank in told if rank.measure == told[0].measure if max(each.rated for each in self.best) < most
+            rank
+            for rank in reported
+            if rank.measure == reported[0].measure
+            if max(each.rated for each in self.best) < most
         ]
 
     @property
@@ -126,8 +129,8 @@ class Use:
     @property
     def fastest(self) -> Sequence[Rank]:
         """Those of `able` that take the least time, all whose factors print alike."""
-        least = times(min((rank.slower for rank in self.able), default=math.nan))
-        return [rank for rank in self.able if times(rank.slower) == least]
+        least = factor_text(min((rank.slower for rank in self.able), default=math.nan))
+        return [rank for rank in self.able if factor_text(rank.slower) == least]
 
     @property
     def farthest(self) -> Sequence[Rank]:

@@ -28,16 +28,16 @@ def cross(a: Vector, b: Vector) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
 
 
-def left(n: Vector) -> Vector:
+def perpendicular(n: Vector) -> Vector:
     """The tangent t = (-n_y, n_x)."""
     return np.array([-n[1], n[0]])
 
 
-def slid_against(before: float, after: float, way: float, stiffness: float) -> float:
+def slid_against(before: float, after: float, path: float, stiffness: float) -> float:
     """What resisting forces take along a way: their mean work less what the spring keeps, or, if they turned, that of the last one."""
     kept = (after**2 - before**2) / (2.0 * stiffness) if stiffness > 0.0 else 0.0
-    lost = 0.5 * (before + after) * way - kept
-    slid = way - ((after - before) / stiffness if stiffness > 0.0 else 0.0)
+    lost = 0.5 * (before + after) * path - kept
+    slid = path - ((after - before) / stiffness if stiffness > 0.0 else 0.0)
     return lost if 0.5 * (before + after) * slid > 0.0 else max(after * slid, 0.0)
 
 
@@ -53,10 +53,10 @@ class WallState:
     rate_velocity: Vector | None = None
 
     def velocity(self, q: Vector) -> Vector:
-        return self.pivot_velocity + self.spin * left(q - self.pivot)
+        return self.pivot_velocity + self.spin * perpendicular(q - self.pivot)
 
     def velocity_for_dashpots(self, q: Vector) -> Vector:
-        return self.rate_velocity + self.spin * left(q - self.pivot)
+        return self.rate_velocity + self.spin * perpendicular(q - self.pivot)
 
 
 def wall_at(wall: Wall, t: float, segment_of: float | None = None) -> WallState:
@@ -154,10 +154,10 @@ class Oracle:
     def _push(self) -> None:
         """Forces of the scene, as means over the time of the kick; their work as what they do while they are constant."""
         for load in self.scene.forces:
-            i, way, turn = load.disk, self.dt * self.v[load.disk], self.dt * self.omega[load.disk]
+            i, path, turn = load.disk, self.dt * self.v[load.disk], self.dt * self.omega[load.disk]
             shares = [self._share(load, self.step), self._share(load, self.step - 1)]
             if self.step > 0:
-                self.fed += 0.5 * sum(shares) * (float(np.array(load.force) @ way) + load.torque * float(turn))
+                self.fed += 0.5 * sum(shares) * (float(np.array(load.force) @ path) + load.torque * float(turn))
             self.force[i] += shares[0] * np.array(load.force)
             self.torque[i] += shares[0] * load.torque
 
@@ -245,11 +245,11 @@ class Oracle:
         apart = self.x_for_slip(j, law) - self.x_for_slip(i, law)
         n_slip = apart / hypot(*apart)
         less_slip = 0.5 * (radius[i] + radius[j] - hypot(*apart)) if law.lever_arm == "overlap" else 0.0
-        at_i = self.v[i] + self.omega[i] * (radius[i] - less_slip) * left(n_slip)
-        at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * left(-n_slip)
+        at_i = self.v[i] + self.omega[i] * (radius[i] - less_slip) * perpendicular(n_slip)
+        at_j = self.v[j] + self.omega[j] * (radius[j] - less_slip) * perpendicular(-n_slip)
         m_eff = 1.0 / (1.0 / mass[i] + 1.0 / mass[j])
         closing = (self.seen(i) - self.seen(j)) @ n
-        slip = (at_i - at_j) @ left(n_slip)
+        slip = (at_i - at_j) @ perpendicular(n_slip)
         deep = radius[i] + radius[j] - hypot(*apart)
         more = (less_slip - 0.5 * deep * (law.lever_arm != "radius")) * (self.omega[i] + self.omega[j])
         closed = self._contact((i, j), law, overlap, closing, slip, m_eff, more)
@@ -258,7 +258,7 @@ class Oracle:
             return
         self.torque[i] -= bending
         self.torque[j] += bending
-        on_i = -self.normal[i, j] * n + self.shear[i, j] * left(n)
+        on_i = -self.normal[i, j] * n + self.shear[i, j] * perpendicular(n)
         self.force[i] += on_i
         self.force[j] -= on_i
         self.torque[i] += arm_i * cross(n, on_i)
@@ -288,7 +288,7 @@ class Oracle:
         if not closed:
             return
         self.torque[i] -= bending
-        on_i = -self.normal[i, body] * n + self.shear[i, body] * left(n)
+        on_i = -self.normal[i, body] * n + self.shear[i, body] * perpendicular(n)
         self.force[i] += on_i
         self.torque[i] += arm * cross(n, on_i)
         load, torque = self.loads[body - self.n_disks]
@@ -301,7 +301,7 @@ class Oracle:
         overlap = radius - hypot(*(foot - x))
         q = foot + 0.5 * overlap * n if law.wall_velocity_at == "mid-overlap" else foot
         arm = radius - (0.5 * overlap if law.lever_arm == "overlap" else 0.0)
-        return float((self.v[i] + self.omega[i] * arm * left(n) - wall.velocity(q)) @ left(n))
+        return float((self.v[i] + self.omega[i] * arm * perpendicular(n) - wall.velocity(q)) @ perpendicular(n))
 
     def _contact(
         self,

@@ -436,7 +436,7 @@ def between(
 ) -> Callable[[Any], Any]:
     """Numbers of a range."""
 
-    def stands_for(value: Any) -> Any:
+    def represents(value: Any) -> Any:
         found = number(value)
         if found is None or math.isnan(found) or found < low or found > high:
             return REFUSED
@@ -444,7 +444,7 @@ def between(
             return REFUSED
         return int(found) if whole else found
 
-    return stands_for
+    return represents
 
 
 def optional(kind: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -1074,7 +1074,7 @@ def half_written(target: Path, failure: Exception) -> None:
         raise failure
 
 
-def test_a_failure_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+def test_a_failure_during_the_run_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     target = tmp_path / "run.npz"
     target.write_bytes(b"before")
     for failure, seen in (

@@ -205,7 +205,7 @@ def test_walls_that_cross(method: str, x: float) -> None:
     assert 0.75 < time <= 1.0  # from the touch on
 
 
-def test_walls_that_turn_past_each_other_leave_room_or_say_so() -> None:
+def test_walls_that_turn_past_each_other_leave_space_or_say_so() -> None:
     """Half-planes cross at every corner of a box; a wall that turns is no mistake until it sweeps over a centre."""
     turning = Wall(
         name="door",

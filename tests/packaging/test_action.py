@@ -90,7 +90,7 @@ FAULTS = {
     "gaps two millimetres too large": ('"gap": [found[i, j][0] for', '"gap": [found[i, j][0] + 2e-3 for'),
     "walls two millimetres deeper": ("(x[i][1] - py) * ny - R[i]", "(x[i][1] - py) * ny - R[i] + 2e-3"),
 }  # fmt: skip
-"""What is wrong, and the edit of the example engine that makes it so; some are those of `ninedisk.harness.selftest.lies`."""
+"""What is wrong, and the edit of the example engine that makes it so; some are those of `ninedisk.harness.selftest.faulty_engines`."""
 
 
 def least_engine(fault: str = "") -> str:

@@ -99,7 +99,7 @@ def test_links_lead_somewhere_and_never_to_the_net(built: Path) -> None:
             assert not place or f'id="{place}"' in there, (page.name, target)
 
 
-def test_pages_tell_what_the_cases_say(built: Path) -> None:
+def test_pages_report_what_the_cases_say(built: Path) -> None:
     texts = [unescape(path.read_text(encoding="utf-8")) for path in (built / "cases").glob("*.html")]
     for case_id in BUILTIN_CASES:
         case, told = get_case(case_id), record(case_id)
@@ -129,11 +129,11 @@ class Begun(BaseException):
 def test_commands_of_every_case_page_come_to_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their words are understood, and name cells that an engine can run: the matrix runs these. The last has all words of the second."""
 
-    def begin(cells: list[Cell], *_: object, **__: object) -> None:
+    def interrupt(cells: list[Cell], *_: object, **__: object) -> None:
         raise Begun(cells)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(workers, "run_in_workers", begin)
+    monkeypatch.setattr(workers, "run_in_workers", interrupt)
     for case_id in BUILTIN_CASES:
         _, fewer, line = record(case_id)["commands"]
         assert set(shlex.split(fewer)) < set(shlex.split(line))

@@ -167,7 +167,7 @@ def test_yade_is_imported_inside_yade_only(sources: dict[str, Path]) -> None:
         ("ninedisk.harness.results.store", "pandas", False),
     ],
 )
-def test_the_rules_tell_right_from_wrong(module: str, name: str, refused: bool) -> None:
+def test_the_rules_separate_right_from_wrong(module: str, name: str, refused: bool) -> None:
     assert bool(foreign(module, {name})) is refused
 
 
@@ -188,7 +188,7 @@ def lint_imports(root: Path, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
 
 
-def test_our_packages_depend_one_way(root: Path, sources: dict[str, Path], tmp_path: Path) -> None:
+def test_our_packages_depend_one_direction(root: Path, sources: dict[str, Path], tmp_path: Path) -> None:
     pytest.importorskip("importlinter", reason="import-linter comes with the extra `dev`")
     done = lint_imports(root, linked(tmp_path, sources))
     assert done.returncode == 0, done.stdout + done.stderr

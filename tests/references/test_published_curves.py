@@ -48,7 +48,7 @@ def test_points_may_have_another_name_and_params_may_be_left_out(tmp_path: Path)
     assert curve.applies_to("nine-disk/distortion", {"phi_deg": 45.0})
 
 
-def test_the_project_ships_no_curve_of_its_own() -> None:
+def test_the_project_ships_no_curve_alone() -> None:
     assert load_curves() == []
 
 

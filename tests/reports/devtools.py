@@ -39,11 +39,11 @@ class Page:
         number = next(self._number)
         self._socket.send(json.dumps({"id": number, "method": method, "params": params}))
         while True:
-            told = json.loads(self._socket.recv(timeout=PATIENCE))
-            if told.get("id") == number:
-                assert "error" not in told, told
-                return dict(told["result"])
-            self._note(told)
+            reported = json.loads(self._socket.recv(timeout=PATIENCE))
+            if reported.get("id") == number:
+                assert "error" not in reported, reported
+                return dict(reported["result"])
+            self._note(reported)
 
     def _note(self, event: dict[str, Any]) -> None:
         params = event.get("params", {})
@@ -61,9 +61,9 @@ class Page:
 
     def run(self, script: str) -> Any:
         """Value of a JavaScript expression; promises are awaited."""
-        told = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in told, told["exceptionDetails"]
-        return told["result"].get("value")
+        reported = self.call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in reported, reported["exceptionDetails"]
+        return reported["result"].get("value")
 
     def wait(self, condition: str) -> None:
         """Wait until a JavaScript expression is true."""
@@ -138,9 +138,9 @@ def browser(profile: Path) -> Iterator[Page]:
         root = f"ws://127.0.0.1:{number}"
         with connect(root + path, max_size=None, proxy=None) as control:
             control.send(json.dumps({"id": 1, "method": "Target.createTarget", "params": {"url": "about:blank"}}))
-            while (told := json.loads(control.recv(timeout=PATIENCE))).get("id") != 1:
+            while (reported := json.loads(control.recv(timeout=PATIENCE))).get("id") != 1:
                 pass
-        target = told["result"]["targetId"]
+        target = reported["result"]["targetId"]
         with connect(f"{root}/devtools/page/{target}", max_size=None, proxy=None) as socket:
             yield Page(socket)
     finally:

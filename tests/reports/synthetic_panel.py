@@ -236,7 +236,7 @@ def panel_tables(scenes: ModuleType) -> dict[str, list[Row]]:
                         }
                         for k in range(len(t))
                     ]
-                    told = quantity == next(iter(curves))
+                    reported = quantity == next(iter(curves))
                     tables["headlines"] += [
                         {
                             **common,
@@ -251,7 +251,7 @@ def panel_tables(scenes: ModuleType) -> dict[str, list[Row]]:
                             "scale_is": "largest value",
                             "rel_error": error / (scale or 1.0),
                         }
-                    ] * told
+                    ] * reported
                     status = "fail" if verdict == "fail" and not gap else status
                 if not ran:
                     tables["measurements"].append({**common, "status": status, "reason": reason})

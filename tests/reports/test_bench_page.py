@@ -136,13 +136,13 @@ def raced() -> list[dict[str, Any]]:
     made = []
     for name, contacts, other in (("drum-10", 10, 0.2), ("drum-30", 30, None), ("lattice-10", 12, "lie")):
         for target in (1e-3, 1e-8):
-            told = {"start": "coulomb", "tolerance": target, "contacts": contacts, "suite": "coulomb", "repeats": 2}
+            reported = {"start": "coulomb", "tolerance": target, "contacts": contacts, "suite": "coulomb", "repeats": 2}
             settings = '{"time limit [s]": 3.0, "claimed": %s}'
-            made.append(row(name, "ninedisk", contacts, 1.0, settings=settings % "false", **told))
+            made.append(row(name, "ninedisk", contacts, 1.0, settings=settings % "false", **reported))
             lost = {} if other == 0.2 else {"status": "not-reached", "median_s": math.nan, "reason": "<b>off</b>"}
             seconds = {"seconds": 0.2} if other == 0.2 else {}
             text = settings % ("true" if other == "lie" else "false")
-            made.append({**row(name, "other", contacts, settings=text, **seconds, **told), **lost})
+            made.append({**row(name, "other", contacts, settings=text, **seconds, **reported), **lost})
     return made
 
 
@@ -168,7 +168,7 @@ def test_the_race_counts_all_problems_and_shows_the_hardest_first(tmp_path: Path
 
 
 def test_records_of_flows_from_before_friction_was_judged_are_read(tmp_path: Path) -> None:
-    told = {
+    reported = {
         "suite": "flow",
         "penetration": 1e-3,
         "equal_ratio": 2.5,
@@ -176,7 +176,7 @@ def test_records_of_flows_from_before_friction_was_judged_are_read(tmp_path: Pat
         "equal_friction_ratio": 3.75,
     }
     springs = row("drum-300", "dem, kn x 1", 300, suite="flow", penetration=1e-3)  # has neither
-    new = [row("drum-300", "pymunk, 10 iterations", 300, **told), springs]
+    new = [row("drum-300", "pymunk, 10 iterations", 300, **reported), springs]
     page = page_of(new, tmp_path)
     assert all(text in page for text in ("Friction error", "2.5", "0.013", "3.8"))
     added = ("friction_error", "equal_friction_ratio")

@@ -182,12 +182,12 @@ def test_zoom_by_dragging_and_by_keyboard(quiet, panel_report):
 
 def test_the_distortion_plays(quiet, panel_report):
     open_case(quiet, panel_report, "nine-disk-distortion")
-    told = "document.querySelector('figure.player .told').textContent"
+    reported = "document.querySelector('figure.player .told').textContent"
     quiet.wait("document.querySelector('figure.player canvas')")
-    assert quiet.run(told).startswith("step 5500")
+    assert quiet.run(reported).startswith("step 5500")
     quiet.click("figure.player button")
-    quiet.wait(f"({told}).startsWith('between steps')")
-    quiet.wait(f"({told}).startsWith('step 5500')")
+    quiet.wait(f"({reported}).startsWith('between steps')")
+    quiet.wait(f"({reported}).startsWith('step 5500')")
     assert "Play" in quiet.run("document.querySelector('figure.player button').textContent")
 
 

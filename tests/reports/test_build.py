@@ -14,7 +14,7 @@ from ninedisk.reports.build import build_report
 from ninedisk.reports.folder import ReportError
 
 
-def test_returns_the_index_and_tells_its_progress(tmp_path, write, small):
+def test_returns_the_index_and_reports_its_progress(tmp_path, write, small):
     write(tmp_path / "store", "a", small())
     heard = []
     index = build_report(tmp_path / "store", tmp_path / "new" / "out", lambda *stage: heard.append(stage))
@@ -34,7 +34,7 @@ def test_new_report_replaces_the_old_one(tmp_path, write, small):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "out", "store"]
 
 
-def test_the_first_page_tells_what_changed_since_the_run_before(tmp_path, write, small):
+def test_the_first_page_reports_what_changed_since_the_run_before(tmp_path, write, small):
     store = tmp_path / "store"
     write(store, "20260101T000000Z-aaaaaa", small(), started="2026-01-01T00:00:00+00:00")
     made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
@@ -45,10 +45,10 @@ def test_the_first_page_tells_what_changed_since_the_run_before(tmp_path, write,
     made = CliRunner().invoke(app, ["report", "--store", str(store), "--out", str(tmp_path / "out")])
     assert made.exit_code == 0, made.output
     first = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    told = first[first.index("Since the run before (2026-01-01") :]
-    assert "worse" in told[:200]
+    reported = first[first.index("Since the run before (2026-01-01") :]
+    assert "worse" in reported[:200]
     assert "First run" not in first
-    assert "0.5 → 3" in told[:600]
+    assert "0.5 → 3" in reported[:600]
     assert (tmp_path / "out" / "changes.html").is_file()
 
 

@@ -75,8 +75,8 @@ def pages(planted: StoreHistory, tmp_path_factory: pytest.TempPathFactory) -> Pa
 def test_marks_are_grouped_worst_first(planted: StoreHistory, synthetic: ModuleType) -> None:
     """One change on two machines is one group, dated by the run that both allow."""
     standing = groups(mark for mark in marks(planted) if mark.shift.open)
-    told = [(g.worst.severity, g.worst.line.case, g.worst.line.engine, len(g.machines)) for g in standing]
-    assert told == [
+    reported = [(g.worst.severity, g.worst.line.case, g.worst.line.engine, len(g.machines)) for g in standing]
+    assert reported == [
         ("broke", "incline-block", "pymunk", 2),
         ("outside", "nine-disk/distortion", "dem", 2),
         ("slower", "slip-to-roll", "dem", 2),
@@ -192,7 +192,7 @@ def test_a_headline_has_a_line_of_its_own_in_per_cent(synthetic: ModuleType, tmp
     """From 0.2 % to 3 % of the weight in the third of four runs: marked there, though no check has moved."""
     runs = synthetic.snapshots(synthetic.Plan(runs=4, noise=1e-3, outliers=0.0, drift=0.0, machines=("here",)))
     key = ("incline-block", "k=0", "dem")
-    told = []
+    reported = []
     for number, run in enumerate(runs):
         row = {
             "headline": "force at rest",
@@ -202,8 +202,8 @@ def test_a_headline_has_a_line_of_its_own_in_per_cent(synthetic: ModuleType, tmp
         }
         check = as_check(dict(zip(("case", "variant", "engine"), key, strict=True)) | row)
         own = {**run.checks[key], ("force at rest", "scalar", HEADLINE, 0): check}
-        told.append(replace(run, checks={**run.checks, key: own}))
-    found = history(told)
+        reported.append(replace(run, checks={**run.checks, key: own}))
+    found = history(reported)
     (line,) = [line for line in found.lines if line.kind == "headline"]
     (mark,) = marks(found)
     assert mark.line == line

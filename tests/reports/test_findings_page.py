@@ -15,7 +15,7 @@ HOSTILE = "<script>alert('x')</script>"
 
 
 def finding(name: str, verdict: str = "there", size: float = float("nan"), **more: str | float) -> EvaluatedFinding:
-    told = {
+    reported = {
         "engine": "demo",
         "versions": "1.0",
         "what": f"what {name}",
@@ -23,7 +23,7 @@ def finding(name: str, verdict: str = "there", size: float = float("nan"), **mor
         "variant": "k=1",
         "quantity": "x",
     }
-    return EvaluatedFinding(id=name, verdict=verdict, size=size, value=1.5, expected=1.0, **{**told, **more})  # type: ignore[arg-type]
+    return EvaluatedFinding(id=name, verdict=verdict, size=size, value=1.5, expected=1.0, **{**reported, **more})  # type: ignore[arg-type]
 
 
 FOUND = (

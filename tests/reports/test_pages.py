@@ -171,7 +171,7 @@ def test_difference_table_names_engines_with_histories(panel_report):
     assert {"Box2D", "ninedisk DEM", "LAMMPS", "YADE"} == set(re.findall(r'<th scope="row">([^<]+)<', table))
 
 
-def test_errata_are_told_with_verdicts(panel_report):
+def test_errata_are_reported_with_verdicts(panel_report):
     html = (panel_report / "errata.html").read_text(encoding="utf-8")
     assert html.count("<blockquote>") == 1
     assert "by every engine that decides it" in html
@@ -179,7 +179,7 @@ def test_errata_are_told_with_verdicts(panel_report):
     assert "fn = 73.80 N against 78.54 N" in html
 
 
-def test_lists_tell_what_they_leave_out_and_engines_of_one_program_know_each_other(tmp_path, write, small):
+def test_lists_report_what_they_leave_out_and_engines_of_one_program_know_each_other(tmp_path, write, small):
     tables = {"cells": [], "headlines": [], "measurements": []}
     for engine in ("demo one", "demo two", "other"):
         own = small(

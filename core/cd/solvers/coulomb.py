@@ -106,7 +106,7 @@ class CoulombSearch:
 
     def points(self, iterations: int | None = None) -> SolverResult | None:
         """Proximal points in a share of the time left."""
-        options = replace(self.options, max_iterations=iterations, time_limit=SHARE * self.clock.left)
+        options = replace(self.options, max_iterations=iterations, time_limit=SHARE * self.clock.remaining)
         try:
             return ProximalPoint(options).solve(self.problem, self.sweeps.r, near=self.warm)
         except SolverNotConvergedError as error:
@@ -115,7 +115,7 @@ class CoulombSearch:
 
     def from_nothing(self) -> SolverResult | None:
         """Lemke's path on few contacts, once the problem is known to have forces at all."""
-        check_feasible(self.problem, sliding="coulomb", seconds=self.clock.left)
+        check_feasible(self.problem, sliding="coulomb", seconds=self.clock.remaining)
         exact = self.polish.from_nothing(self.sweeps.r, STAGES[-1][1]) if self.few else None
         return exact and self.result("lemke", exact)
 
@@ -123,7 +123,7 @@ class CoulombSearch:
         """The solution in which nothing slides, if there is one: that of the associated rule, whose velocities are unique."""
         try:
             # No more than half of the time: what flows has no such solution, and is left to the other methods.
-            found = InteriorPoint(replace(self.options, time_limit=0.5 * self.clock.left)).solve(self.problem)
+            found = InteriorPoint(replace(self.options, time_limit=0.5 * self.clock.remaining)).solve(self.problem)
         except (SolverNotConvergedError, InfeasibleContactsError):
             return None
         exact = self.polish.improve(found.r, 0)

@@ -117,7 +117,7 @@ class SupernodalCholesky:
             return np.empty(shape, dtype=np.int64)
 
         ptr, neighbour, edge = longs(n + 1), longs(2 * len(row)), longs(2 * len(row))
-        kernels.both_ways(column, row, ptr, neighbour, edge)
+        kernels.symmetric_adjacency(column, row, ptr, neighbour, edge)
         order = elimination_order(ptr, neighbour)
         rank = longs(n)
         rank[order] = np.arange(n)

@@ -441,7 +441,7 @@ def matrix_entries(
 
 
 @kernel
-def both_ways(column: Longs, row: Longs, ptr: Longs, neighbour: Longs, edge: Longs) -> None:
+def symmetric_adjacency(column: Longs, row: Longs, ptr: Longs, neighbour: Longs, edge: Longs) -> None:
     """Adjacency of an undirected graph from its edges: neighbours of i at ``ptr[i]:ptr[i + 1]``, with the edges' numbers."""
     n = ptr.shape[0] - 1
     for i in range(n + 1):

@@ -17,7 +17,7 @@ from ninedisk.core.cd.solvers.gauss_seidel_kernels import next_batch, sweep, swe
 from ninedisk.core.cd.solvers.outcome import SolverResult, Stopwatch, not_converged
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError, SolverNotConvergedError
 from ninedisk.core.thread_kernels import PAD
-from ninedisk.core.threads import together
+from ninedisk.core.threads import run_in_threads
 from ninedisk.core.validate import numbers
 
 MAX_SWEEPS = 1_000_000
@@ -213,7 +213,7 @@ class Stripes:
         """``count`` sweeps from the velocities ``v``, shape (b, 3), of the forces that it left; these into ``r``, shape (c, 2)."""
         kernels.gather_bodies(self._queue, v, self._v)
         shared = (self._flags, self.bounds, self.pairs, self._inverse_mass, relaxation, coulomb, count)
-        together(sweep_stripes, self._threads, (*shared, self._v, self._rows))
+        run_in_threads(sweep_stripes, self._threads, (*shared, self._v, self._rows))
         kernels.unpack_forces(self.order, self._rows, r)
 
 

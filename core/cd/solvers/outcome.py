@@ -53,7 +53,7 @@ class Stopwatch:
         return perf_counter() - self._begin
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Seconds until the limit, at least a millisecond: a solver that is asked does something."""
         return max(self._limit - self.seconds, 1e-3)
 

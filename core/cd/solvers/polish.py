@@ -44,8 +44,8 @@ from ninedisk.core.cd.solvers.polish_kernels import (
     STICK,
     law_error,
     next_kink,
+    remaining_velocities,
     statuses_at,
-    velocities_left,
 )
 from ninedisk.core.cd.solvers.unsymmetric_kernels import forces_of_velocities, load_of_velocities
 
@@ -144,7 +144,7 @@ class Polish:
         status, held, drift, striding = statuses(self.problem, z), r, np.zeros_like(r), False
         budget = self.count + paths * pivots
         while True:
-            found = self._hold(r, status)
+            found = self._nearest_forces(r, status)
             if found is None:
                 return None
             if exact := self.judged(found):
@@ -163,7 +163,7 @@ class Polish:
                 held, striding = r, False
                 continue
             before, drift = drift, r - held
-            striding = _steady(before, drift)
+            striding = _is_steady(before, drift)
             held = r + STRIDE * float(np.abs(r).max() / np.abs(drift).max()) * drift if striding else r
 
     def from_nothing(self, r: FloatArray, pivots: int) -> tuple[FloatArray, Residuals] | None:
@@ -197,19 +197,19 @@ class Polish:
             self.best = inside, residuals
         return (inside, residuals) if residuals.reached(self.tolerance) else None
 
-    def _hold(self, r: FloatArray, status: IntArray) -> FloatArray | None:
+    def _nearest_forces(self, r: FloatArray, status: IntArray) -> FloatArray | None:
         """Forces with these statuses that differ least from ``r``; None if the matrix cannot be factorised."""
         if not self.factorise(status):
             return None
         forces = self.inside(r, status)
-        rest, pairs = self._rest(forces, status), list[tuple[FloatArray, FloatArray]]()
+        rest, pairs = self._correction(forces, status), list[tuple[FloatArray, FloatArray]]()
         for _ in range(REFINEMENTS):
             # Less those of the steps so far that together leave least: each of them leaves the same of what resists least.
             step = rest
             for change, cause in pairs:
                 step = step - float((change * rest).sum()) * (change + cause)
             tried = self.inside(forces + step, status)
-            left = self._rest(tried, status)
+            left = self._correction(tried, status)
             if norm(left) >= norm(rest):
                 break
             # Changes of the rest are kept at right angles, by Gram and Schmidt, and with each the steps that make it.
@@ -223,7 +223,7 @@ class Polish:
             forces, rest = tried, left
         return self.inside(forces + rest, status)
 
-    def _rest(self, forces: FloatArray, status: IntArray) -> FloatArray:
+    def _correction(self, forces: FloatArray, status: IntArray) -> FloatArray:
         """What a solution with the last factorisation takes off forces, on the edge of the cone to the last bit."""
         return -self.inside(self.change(self.velocity(forces)), status)
 
@@ -257,14 +257,14 @@ class Polish:
             # dz/dt, where J dz/dt = error.
             dr = self.change(error)
             if self.soft.min() < REFINED_BELOW:
-                dr = dr + self.change(self.left(error, dr))
-            rate = dr + rho * self.left(error, dr)
+                dr = dr + self.change(self.remaining(error, dr))
+            rate = dr + rho * self.remaining(error, dr)
             ahead, step, contact, border = next_kink(problem.mu, status, z, rate, ahead, contact, border)
             if ahead < 0.0 and step >= t:
                 ended = self.inside(z - t * rate, status)
                 return (ended, status) if np.isfinite(ended).all() else None
             round_trip = pivot > 0 and (t - 1.0) * (t + ahead * step - 1.0) <= 0.0 and np.array_equal(status, first)
-            if t + ahead * step > FAR or (round_trip and _near(z + (1.0 - t) * rate, begin)):
+            if t + ahead * step > FAR or (round_trip and _is_near(z + (1.0 - t) * rate, begin)):
                 return None
             z, t = z + ahead * step * rate, t + ahead * step
             if border == 0:
@@ -287,11 +287,11 @@ class Polish:
         self._d[changed] = self._blocks(status, changed)
         self._status, self._made_for = status.copy(), self.soft
         if self.count == 1 or (closed & ~self._seen).any():
-            self._matrix = self._analysed(closed)
+            self._matrix = self._analyse(closed)
             return self._matrix.factorise(self._d)
         return self._matrix.factorise(self._d, changed)
 
-    def _analysed(self, closed: NDArray[np.bool_]) -> UnsymmetricMatrix:
+    def _analyse(self, closed: NDArray[np.bool_]) -> UnsymmetricMatrix:
         """The matrix of contacts some of which are closed for the first time."""
         if self._seen.any():
             # What one of them does, its neighbours may do next.
@@ -335,10 +335,10 @@ class Polish:
         )
         return LawPoint(z, status, r, u, error, size)
 
-    def left(self, u: FloatArray, dr: FloatArray) -> FloatArray:
+    def remaining(self, u: FloatArray, dr: FloatArray) -> FloatArray:
         """What a change ``dr`` of the forces leaves of contact velocities ``u``, shape (c, 2) each."""
         problem, left = self.problem, np.empty_like(u)
-        velocities_left(
+        remaining_velocities(
             problem.contacts, problem.inverse_mass, self._nothing, problem.rho, self.soft, u, dr, self._v, left
         )
         return left
@@ -361,12 +361,12 @@ def norm(x: FloatArray) -> float:
     return sqrt((x * x).sum())
 
 
-def _steady(before: FloatArray, drift: FloatArray) -> bool:
+def _is_steady(before: FloatArray, drift: FloatArray) -> bool:
     """Whether the second of two changes of the forces goes on as the first did, in direction and length."""
     old, new = norm(before), norm(drift)
     return bool(0.0 < PARALLEL * old <= new <= old / PARALLEL and (before * drift).sum() >= PARALLEL * old * new)
 
 
-def _near(z: FloatArray, other: FloatArray) -> bool:
+def _is_near(z: FloatArray, other: FloatArray) -> bool:
     """Whether they are the same but for round-off and what the compliance leaves of it."""
     return float(np.abs(z - other).max()) <= SAME * float(np.abs(other).max())

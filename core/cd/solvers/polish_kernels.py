@@ -93,7 +93,7 @@ def law_error(
 
 
 @kernel
-def velocities_left(
+def remaining_velocities(
     contacts: Contacts,
     inverse_mass: Floats,
     nothing: Floats,

@@ -35,7 +35,7 @@ MAX_ITERATIONS, EACH = 50_000, 50
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
 LOWER, RAISE, LEAST_RAISED = 0.8, 10.0, 1e-3
-"""Of the compliances once a point is found, and of those that were in its way, with what they get at least: see `_Walk`."""
+"""Of the compliances once a point is found, and of those that were in its way, with what they get at least: see `_PointSequence`."""
 ALIKE, ALL_ALIKE = 0.85, 1.0
 """Least ratio of the compliances of two contacts of one body, in the walk from the forces given and in that from the associated rule's."""
 RAISES = 8
@@ -103,20 +103,20 @@ class ProximalPoint:
         none = np.zeros((problem.n_contacts, 2))
         # Where no contact force is needed, every other one would be infinitely far off relative to the solution 0.
         if not search.judge(none) and not search.over:
-            walks = [] if start is None else [_Walk(search, start, ALIKE)]
+            walks = [] if start is None else [_PointSequence(search, start, ALIKE)]
             least, each = SLICE_NEAR if near else SLICE
             slices = max(least, round(each * problem.n_contacts))
             for walk in walks:
-                walk.go(search.iterations + slices)
+                walk.advance(search.iterations + slices)
             # The associated rule costs as much as some hundred factorisations, which a start near a solution may not need.
             other = None if search.over else search.associated()
             if not search.over and not (walks and other is None):
-                walks.insert(0, _Walk(search, none if other is None else other, ALL_ALIKE))
+                walks.insert(0, _PointSequence(search, none if other is None else other, ALL_ALIKE))
             while not search.over:
                 for walk in walks:
                     if near:
-                        walk.begin()
-                    walk.go(search.iterations + slices)
+                        walk.initialise()
+                    walk.advance(search.iterations + slices)
                 slices *= 2
         return search.result()
 
@@ -158,7 +158,9 @@ class _Search:
     def associated(self) -> FloatArray | None:
         """Forces of the associated rule: Coulomb's law where nothing slides; where something does, its statuses are often the law's."""
         # However loose the law's own tolerance: a walk from forces found to 1e-3 arrived nowhere, from those found to 1e-8 soon.
-        options = replace(self.options, tolerance=min(self.options.tolerance, ASSOCIATED), time_limit=self.clock.left)
+        options = replace(
+            self.options, tolerance=min(self.options.tolerance, ASSOCIATED), time_limit=self.clock.remaining
+        )
         try:
             found = InteriorPoint(options).solve(self.problem)
         except (SolverNotConvergedError, InfeasibleContactsError):
@@ -221,7 +223,7 @@ class _Newton(NamedTuple):
     changing: NDArray[np.bool_]
 
 
-class _Walk:
+class _PointSequence:
     """Proximal points from some forces on, until the search is over; near solutions with a polish.
 
     Where a point is not found, Newton's method goes round in few places. The compliance is raised there until it is found, so that all
@@ -237,13 +239,13 @@ class _Walk:
         self.z = r - rho * self.law.velocity(r)
         self.size = max(norm(r), norm(rho * self.problem.b) * 1e-3)
         self.points = 0
-        self.begin()
+        self.initialise()
 
-    def begin(self) -> None:
+    def initialise(self) -> None:
         """Take the first compliance, at the forces as they are."""
         self.soft, self.nearest = np.full(self.problem.n_contacts, FIRST_SOFT), np.inf
 
-    def go(self, limit: int) -> None:
+    def advance(self, limit: int) -> None:
         """Point by point until the search is over or has taken ``limit`` iterations."""
         search = self.search
         while not search.over and search.iterations < limit:
@@ -271,7 +273,7 @@ class _Walk:
                 return
             if self.search.over:
                 return
-            self._raise(changing)
+            self._raise_compliance(changing)
 
     def _point(self, held: FloatArray) -> tuple[FloatArray | None, NDArray[np.bool_]]:
         """The proximal point, shape (c, 2), or None and the contacts at which it is missed."""
@@ -286,7 +288,7 @@ class _Walk:
         r = ended[0]
         return r - self.problem.rho[:, None] * law.velocity(r) - self.soft[:, None] * (r - held), newton.changing
 
-    def _raise(self, changing: NDArray[np.bool_]) -> None:
+    def _raise_compliance(self, changing: NDArray[np.bool_]) -> None:
         """More compliance at the contacts that are ``changing`` and, less and less, at those around them."""
         there = np.clip(RAISE * self.soft, LEAST_RAISED, MOST_SOFT)
         self.soft = np.where(changing, there, self.soft)
@@ -309,7 +311,7 @@ class _Walk:
             if least.size < SOLVED * self.size or self.search.over or not law.factorise(point.status):
                 break
             dr = law.change(point.u)
-            full = point.r - dr - rho * law.left(point.u, dr) - point.z
+            full = point.r - dr - rho * law.remaining(point.u, dr) - point.z
             part, tried = 1.0, law.at(point.z + full, held)
             before, changing = changing, tried.status != point.status
             changed = int(changing.sum())

@@ -204,7 +204,7 @@ def first_from(pairs: NeighbourList, low: int, high: int, disk: int) -> int:
 
 
 @inline_kernel
-def note_behind(disks: DiskArrays, walls: WallArrays, stripe: int, i: int, w: int, height: float) -> None:
+def record_behind_wall(disks: DiskArrays, walls: WallArrays, stripe: int, i: int, w: int, height: float) -> None:
     """Note the disk in row i, whose centre lies ``height`` <= 0 above wall w; fixed disks, which have no contacts with walls, may.
 
     Every disk behind a wall is in the wall's list, which has no lower limit: one that got there in a single step has moved farther than
@@ -363,7 +363,7 @@ def disk_wall_forces(
                     pairs.bending[k] = 0.0
                 continue
             if height <= 0.0 and disks.inv_mass[i] > 0.0:
-                note_behind(disks, walls, stripe, i, w, height)
+                record_behind_wall(disks, walls, stripe, i, w, height)
             if laws is not None:
                 law = laws.rows[law_at_wall(laws, disks, i, w)]
                 kn, ks, mu, beta, cohesion = law[KN], law[KS], law[MU], law[BETA], law[COHESION]

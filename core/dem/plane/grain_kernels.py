@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.plane.force_kernels import normal_force, note_behind, shear_force
+from ninedisk.core.dem.plane.force_kernels import normal_force, record_behind_wall, shear_force
 from ninedisk.core.dem.state import (
     ARM_A,
     ARM_B,
@@ -175,7 +175,7 @@ def convex(outlines: Outlines, body: int) -> bool:
 
 
 @inline_kernel
-def stopped(outlines: Outlines, code: int, a: int, b: int) -> bool:
+def record_stop(outlines: Outlines, code: int, a: int, b: int) -> bool:
     """Note why the pass stops, at which bodies; False."""
     mark = outlines.memory.mark
     mark[CODE], mark[FIRST], mark[SECOND] = code, a, b
@@ -228,13 +228,13 @@ def pair_forces(
     a, b = int(disks.name[i]), int(disks.name[j])
     count = pair_found(outlines, a, b, dx, dy, disks.radius[i], disks.radius[j])
     if count < 0:
-        return stopped(outlines, count, a, b)
+        return record_stop(outlines, count, a, b)
     if count == 0:
         return True
     if outlines.area[0]:  # areas are those of one arc of either outline
         for m in range(count):
             if outlines.found.corners[m] > 2:
-                return stopped(outlines, CROSSED, a, b)
+                return record_stop(outlines, CROSSED, a, b)
     ring_a, ring_b = ring_of(outlines, a), ring_of(outlines, b)
     arcs_of(outlines, count, ring_a, ring_b)
     inherit(outlines, a, b, count, ring_a, ring_b, convex(outlines, a) and convex(outlines, b))
@@ -272,7 +272,7 @@ def pair_forces(
         disks.torque[i] += fn * side_a + fs * (arm_a - back)
         disks.torque[j] += fs * (arm_b - back) - fn * side_b
         if not remember(outlines, a, b, m, fs, fn, energy, arm_a, arm_b):
-            return stopped(outlines, ROOM, a, b)
+            return record_stop(outlines, ROOM, a, b)
     return True
 
 
@@ -288,12 +288,12 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
     if disks.radius[i] - height <= 0.0:
         return True
     if height <= 0.0 and disks.inv_mass[i] > 0.0:
-        note_behind(disks, walls, 0, i, w, height)
+        record_behind_wall(disks, walls, 0, i, w, height)
         return True
     a, b = int(disks.name[i]), disks.x.shape[0] + w
     count = wall_found(outlines, a, px, py, ux, uy, disks.radius[i], outlines.area[1 + w])
     if count < 0:
-        return stopped(outlines, count, a, b)
+        return record_stop(outlines, count, a, b)
     ring = ring_of(outlines, a)
     arcs_of(outlines, count, ring, 0.0)
     inherit(outlines, a, b, count, ring, 0.0, convex(outlines, a))
@@ -339,7 +339,7 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
         load[0, w, 1] -= gy
         load[0, w, 2] -= (rx + disks.x[i, 0]) * gy - (ry + disks.x[i, 1]) * gx
         if not remember(outlines, a, b, m, fs, fn, energy, arm, 0.0):
-            return stopped(outlines, ROOM, a, b)
+            return record_stop(outlines, ROOM, a, b)
     return True
 
 

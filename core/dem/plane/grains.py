@@ -28,7 +28,7 @@ def first_outlines(scene: Scene) -> Outlines | None:
     return outline_arrays(scene) if needs_outlines(scene) else None
 
 
-def with_more_room(outlines: Outlines, scene: Scene, step: int, dt: float) -> Outlines:
+def with_more_capacity(outlines: Outlines, scene: Scene, step: int, dt: float) -> Outlines:
     """The same with more room for contacts, if that is what stopped the contact step ``step`` of length ``dt`` [s].
 
     Raises
@@ -46,7 +46,7 @@ def with_more_room(outlines: Outlines, scene: Scene, step: int, dt: float) -> Ou
     )
 
 
-def restored(outlines: Outlines | None, arrays: Mapping[str, NDArray[Any]]) -> Outlines | None:
+def restored_outlines(outlines: Outlines | None, arrays: Mapping[str, NDArray[Any]]) -> Outlines | None:
     """The same with the memory of a checkpoint, whose room may be another one."""
     if outlines is None:
         return None
@@ -99,12 +99,12 @@ def equal_radii(outlines: tuple[NurbsCurve, ...]) -> FloatArray:
     return np.array([np.sqrt(area_moments(curve).area / np.pi) for curve in outlines])
 
 
-def empty_memory(spin: FloatArray, room: int) -> Memory:
-    """A memory without contacts, with room for ``room`` of them; ``spin`` [rad/s] at time 0."""
+def empty_memory(spin: FloatArray, capacity: int) -> Memory:
+    """A memory without contacts, with room for ``capacity`` of them; ``spin`` [rad/s] at time 0."""
     n = len(spin)
     return Memory(
-        contact=np.zeros((2, room, 12)),
-        body=np.zeros((2, room, 3), dtype=np.int64),
+        contact=np.zeros((2, capacity, 12)),
+        body=np.zeros((2, capacity, 3), dtype=np.int64),
         head=np.full((2, n), -1, dtype=np.int64),
         mark=np.zeros(6, dtype=np.int64),
         spin=spin.copy(),
@@ -113,8 +113,8 @@ def empty_memory(spin: FloatArray, room: int) -> Memory:
 
 def larger_memory(memory: Memory) -> Memory:
     """Copy of a memory with one and a half times its room."""
-    room = memory.contact.shape[1]
-    larger = empty_memory(memory.spin, room + room // 2 + 16)
-    larger.contact[:, :room], larger.body[:, :room] = memory.contact, memory.body
+    capacity = memory.contact.shape[1]
+    larger = empty_memory(memory.spin, capacity + capacity // 2 + 16)
+    larger.contact[:, :capacity], larger.body[:, :capacity] = memory.contact, memory.body
     larger.head[:], larger.mark[:] = memory.head, memory.mark
     return larger

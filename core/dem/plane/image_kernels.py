@@ -99,7 +99,7 @@ def place_cell(images: Images, t: float) -> None:
 
 
 @inline_kernel
-def room_left(images: Images, skin: float, widest: float) -> float:
+def displacement_limit(images: Images, skin: float, widest: float) -> float:
     """Bound on a disk's displacement from the flow since the last rebuild, up to which the lists are complete [m]; <= 0: none.
 
     With ``F = h h_b^-1`` and ``u = x - F x_b`` a pair is ``d = F d_b + u_j - u_i`` apart, whichever image. A pair that is not listed was
@@ -114,7 +114,7 @@ def room_left(images: Images, skin: float, widest: float) -> float:
 
 @inline_kernel
 def beside_flow(views: Views, images: Images, t: float, begin: int, end: int) -> float:
-    """Largest square of ``u = x - F x_b`` (`room_left`) of the disks ``begin .. end-1`` at time ``t`` [m^2]; NaN if any is NaN.
+    """Largest square of ``u = x - F x_b`` (`displacement_limit`) of the disks ``begin .. end-1`` at time ``t`` [m^2]; NaN if any is NaN.
 
     Rounding of u, and of the distances that contacts have across images, is added to it. The edges are not taken from ``images.now``: one
     thread may still be here while another one places the cell of the next step.

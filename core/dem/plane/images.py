@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ninedisk.core.array_types import FloatArray, IntArray
-from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, check_crowd, empty_cells, empty_list, grown
+from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, check_crowd, empty_cells, empty_list, enlarged_list
 from ninedisk.core.dem.plane.image_kernels import build_image_pairs, place_cell, sort_into_images
 from ninedisk.core.dem.preload import check_preload
 from ninedisk.core.dem.state import OK, DiskArrays, Images, NeighbourList
@@ -113,7 +113,7 @@ def close_images(scene: Scene, cell: Cell, reach: float, x: FloatArray, t: float
     rows = np.arange(n, dtype=np.uint32)
     while build_image_pairs(x, radius, reach, images, cells, False, rows, none, found) != OK:
         check_crowd(found)
-        found = grown(found)
+        found = enlarged_list(found)
         images = with_more_pairs(images, found.other.shape[0], 0)
         sort_into_images(x, 2.0 * float(radius.max()) + reach, images, cells)
     first = np.repeat(np.arange(n, dtype=np.int64), np.diff(found.start))

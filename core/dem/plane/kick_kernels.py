@@ -41,13 +41,13 @@ def farthest(x: NDArray[np.float64], built: NDArray[np.float64], begin: int, end
 
 
 @inline_kernel
-def falls(inv_mass: float) -> float:
+def gravity_factor(inv_mass: float) -> float:
     """1 for a disk that gravity moves, 0 for a fixed one."""
     return 1.0 if inv_mass > 0.0 else 0.0
 
 
 @inline_kernel
-def brake(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
+def damping_loss(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
     """Energy that global damping takes from the disks ``begin .. end-1`` in the kick that follows [J], into ``disks.braked``."""
     one = np.uint64(1)
     v, force, omega, keep, gain, seen, mean = (
@@ -83,7 +83,7 @@ def kick(
     keep, gain = step.keep, step.gain
     for i in range(np.uint64(begin), np.uint64(end)):
         ix, iy = i + i, i + i + one
-        weight = falls(inv_mass[i])
+        weight = gravity_factor(inv_mass[i])
         v[ix] = keep * v[ix] + gain * (force[ix] * inv_mass[i] + weight * step.gravity_x)
         v[iy] = keep * v[iy] + gain * (force[iy] * inv_mass[i] + weight * step.gravity_y)
         force[ix], force[iy] = 0.0, 0.0
@@ -118,7 +118,7 @@ def turn(
 
 
 @inline_kernel
-def foresee(disks: DiskArrays, step: Kick, begin: int, end: int) -> None:
+def predict_spins(disks: DiskArrays, step: Kick, begin: int, end: int) -> None:
     """Spins that rolling resistance of the disks ``begin .. end-1`` sees at the end of the step that `turn` is about to do."""
     omega, torque, inv_inertia = disks.omega, disks.torque, disks.inv_inertia
     for i in range(np.uint64(begin), np.uint64(end)):
@@ -134,7 +134,7 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
     first, last = np.uint64(2 * begin), np.uint64(2 * end)
     extrapolated = disks.v_now.shape[0] > 0
     if disks.braked.shape[0] > 0:
-        brake(disks, views, step, begin, end)
+        damping_loss(disks, views, step, begin, end)
     if extrapolated:
         for q in range(first, last):
             dashpot_v[q] = v[q]
@@ -144,5 +144,5 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
             dashpot_v[q] = v[q] + step.ahead * (v[q] - dashpot_v[q])
     drift(x, v, step.dt, begin, end)
     if disks.omega_now.shape[0] > 0:
-        foresee(disks, step, begin, end)
+        predict_spins(disks, step, begin, end)
     turn(disks.omega, disks.angle, disks.torque, disks.inv_inertia, step, begin, end)

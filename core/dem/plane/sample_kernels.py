@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.plane.force_kernels import law_at_wall, law_of_pair, normal_force
-from ninedisk.core.dem.plane.kick_kernels import falls
+from ninedisk.core.dem.plane.kick_kernels import gravity_factor
 from ninedisk.core.dem.state import (
     BETA,
     COHESION,
@@ -210,7 +210,7 @@ def record_losses(system: System, losses: Losses | None, samples: Samples, row: 
         if start:
             continue
         # What the damping does from t_{n-1/2} to t_n: its force is known once the velocity of t_{n+1/2} is.
-        weight = falls(disks.inv_mass[i])
+        weight = gravity_factor(disks.inv_mass[i])
         for d in range(2):
             gravity = kick.gravity_x if d == 0 else kick.gravity_y
             before = disks.v[i, d]
@@ -230,7 +230,7 @@ def record(system: System, samples: Samples, row: int, start: bool, progress: Pr
     disks, walls, step = system.disks, system.walls, system.step
     translation, rotation, gravity = 0.0, 0.0, 0.0
     for i in range(disks.x.shape[0]):
-        weight = falls(disks.inv_mass[i])
+        weight = gravity_factor(disks.inv_mass[i])
         ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
         ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
         vx, vy = synchronised(disks.v[i, 0], ax, step, start), synchronised(disks.v[i, 1], ay, step, start)
@@ -244,7 +244,7 @@ def record(system: System, samples: Samples, row: int, start: bool, progress: Pr
             rotation += 0.5 * spin * spin / disks.inv_inertia[i]
     for c in range(samples.chosen.shape[0]):
         i = disks.place[samples.chosen[c]]
-        weight = falls(disks.inv_mass[i])
+        weight = gravity_factor(disks.inv_mass[i])
         ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
         ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
         samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]

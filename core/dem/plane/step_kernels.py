@@ -14,12 +14,12 @@ from ninedisk.core.dem.plane.grain_kernels import grain_forces
 from ninedisk.core.dem.plane.image_kernels import (
     beside_flow,
     clear_image_share,
+    displacement_limit,
     gather_shares,
     image_forces,
     place_cell,
     rebuild_images,
     record_images,
-    room_left,
 )
 from ninedisk.core.dem.plane.kick_kernels import farther, farthest, kick_and_drift
 from ninedisk.core.dem.plane.neighbour_kernels import REBUILD_COST, next_skin, rebuild
@@ -131,7 +131,7 @@ def push(disks: DiskArrays, loads: Loads, step: StepConstants, n: int) -> float:
 def farthest_allowed(walls: WallArrays, images: Images | None, skin: float, widest: float) -> float:
     """Displacement of a disk since the last rebuild up to which the lists are complete [m]."""
     if images is not None:
-        return room_left(images, skin, widest)
+        return displacement_limit(images, skin, widest)
     return min(0.5 * skin, skin - wall_drift(walls, skin))
 
 

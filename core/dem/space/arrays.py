@@ -25,7 +25,7 @@ RULES = {"none": columns.KEEPS, "force": columns.FORCE, "rescale": columns.RESCA
 MODELS = {"constant": columns.CONSTANT, "elastic-plastic": columns.SPRING}
 
 
-def wide(rows: NDArray[Any]) -> NDArray[np.float64]:
+def vector_rows(rows: NDArray[Any]) -> NDArray[np.float64]:
     """Vectors as the kernels have them, from rows of three."""
     found = np.zeros((len(rows), WIDE))
     found[:, :3] = rows
@@ -37,15 +37,15 @@ def xyz_rows(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values.reshape(-1, WIDE)[:, :3]
 
 
-def empty_list(rows: int, room: int, notes: int, memory: int) -> Contacts:
-    """A list of ``rows`` empty rows with ``room`` for pairs, with so many columns of both."""
+def empty_list(rows: int, capacity: int, notes: int, memory: int) -> Contacts:
+    """A list of ``rows`` empty rows with ``capacity`` for pairs, with so many columns of both."""
     return list_of(
         {
             "start": np.zeros(rows + 1, dtype=np.int64),
-            **{name: np.zeros(room, dtype=np.uint32) for name in ("row", "other", "law")},
-            "notes": np.zeros((room, notes)),
-            "memory": np.zeros((room, memory)),
-            "force": np.zeros((room, 4)),
+            **{name: np.zeros(capacity, dtype=np.uint32) for name in ("row", "other", "law")},
+            "notes": np.zeros((capacity, notes)),
+            "memory": np.zeros((capacity, memory)),
+            "force": np.zeros((capacity, 4)),
         }
     )
 
@@ -113,11 +113,11 @@ def list_of(arrays: dict[str, NDArray[Any]]) -> Contacts:
     return Contacts(**{name: aligned(array) for name, array in arrays.items()})
 
 
-def roomier(contacts: Contacts) -> Contacts:
+def enlarged_list(contacts: Contacts) -> Contacts:
     """An empty list like the one that was too small, with 1.2 times its room."""
-    room = contacts.other.shape[0]
+    capacity = contacts.other.shape[0]
     rows = contacts.start.shape[0] - 1
-    return empty_list(rows, room + room // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
+    return empty_list(rows, capacity + capacity // 5 + 16, contacts.notes.shape[1], contacts.memory.shape[1])
 
 
 def push_arrays(scene: SphereScene) -> Pushes:

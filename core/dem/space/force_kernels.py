@@ -64,10 +64,10 @@ from ninedisk.core.dem.space.scratch_kernels import (
     TURNS_ROWS,
     TWO,
     D,
+    get_extra,
     keep_memories,
-    last,
     memories_to_columns,
-    put,
+    put_vector,
     recall,
     remember,
     results_to_rows,
@@ -119,10 +119,10 @@ def run_of_contacts(
     for q in range(np.uint64(begin), np.uint64(end)):
         touch = touch_of(sticks, SPRINGS, q, scratch)
         fn, repulsive, arm_loss, fs, spring, n = contact(hertz, middle, in_force, sticks, its, slip_dt, touch)
-        put(scratch, PUSH + q, plus(fs, -fn, n))
-        put(scratch, CROSSED + q, cross(n, fs))
-        put(scratch, FS + q, fs)
-        put(scratch, SPRINGS + q, spring)
+        put_vector(scratch, PUSH + q, plus(fs, -fn, n))
+        put_vector(scratch, CROSSED + q, cross(n, fs))
+        put_vector(scratch, FS + q, fs)
+        put_vector(scratch, SPRINGS + q, spring)
         scratch[FS + LAST * NEXT + q], scratch[REPULSIVE + q], scratch[ARM_LOSS + q] = fn, repulsive, arm_loss
 
 
@@ -131,8 +131,8 @@ def run_of_resistances(law: Floats, slip_dt: float, begin: int, end: int, scratc
     """`resistance` for ``begin .. end-1`` of the scratch, after `run_of_contacts`."""
     for q in range(np.uint64(begin), np.uint64(end)):
         m, rolled, twisted = resistance(law, slip_dt, q, scratch)
-        put(scratch, MOMENT + q, m)
-        put(scratch, ROLLED + q, rolled)
+        put_vector(scratch, MOMENT + q, m)
+        put_vector(scratch, ROLLED + q, rolled)
         scratch[ROLLED + LAST * NEXT + q] = twisted
 
 
@@ -194,7 +194,7 @@ def losses_of_chunk(
         apart = sqrt(dot(d, d))
         rate, drag = dot(vector(scratch, DASHPOT_DV + q), d) / apart, scratch[ITS_DRAG + q]
         if law[HERTZ] > 0.0:
-            drag *= sqrt(sqrt(last(scratch, SPRINGS + q) * max(scratch[REACH + q] - apart, 0.0)))
+            drag *= sqrt(sqrt(get_extra(scratch, SPRINGS + q) * max(scratch[REACH + q] - apart, 0.0)))
         losses.contacts[stripe, FRICTION] += friction
         losses.contacts[stripe, DASHPOT] += step.loss_dt * drag * rate * rate
         losses.contacts[stripe, OF_LAW] += own
@@ -244,7 +244,7 @@ def end_of_contacts(
 
 
 @inline_kernel
-def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
+def clear_forces(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
     """No force of the listed pairs ``begin .. end-1``, until it is found."""
     for k in range(begin, end):
         for c in range(4):
@@ -252,7 +252,7 @@ def clear_kept(contacts: Contacts, begin: np.uint64, end: np.uint64) -> None:
 
 
 @inline_kernel
-def holds(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
+def is_active(contacts: Contacts, k: np.uint64, overlap: float, q: np.uint64, scratch: Floats) -> bool:
     """Whether a listed pair touches, or its neck still holds, which goes to place q of the scratch; if it does not there is none."""
     neck = contacts.notes[k, NECK]
     touches = bool(overlap > min(0.0, -neck))
@@ -292,7 +292,7 @@ def pick_with_necks(
         reach = radius[i] + radius[j]
         scratch[REACH + count] = reach
         picked[count] = k
-        count += np.uint64(holds(pairs, k, reach - sqrt(dot(d, d)), count, scratch))
+        count += np.uint64(is_active(pairs, k, reach - sqrt(dot(d, d)), count, scratch))
         k += ONE
     return k, count
 
@@ -332,7 +332,7 @@ def forces_of_spheres(
     sticky = pairs.notes.shape[1] == NOTES_WIDTH_STICKY
     first, end_of_list = np.uint64(pairs.start[begin]), np.uint64(pairs.start[end])
     if step.keep:
-        clear_kept(pairs, first, end_of_list)
+        clear_forces(pairs, first, end_of_list)
     if losses is not None:
         end_of_contacts(state, pairs, laws, losses, desk.slot % losses.contacts.shape[0], first, end_of_list)
     k = first
@@ -425,7 +425,7 @@ def beside_plane(
     touches, keeps = overlap > 0.0, False
     if contacts.notes.shape[1] == NOTES_WIDTH_STICKY:
         keeps = contacts.notes[k, NECK] > 0.0
-        touches = holds(contacts, k, overlap, q, scratch)
+        touches = is_active(contacts, k, overlap, q, scratch)
     if height <= 0.0 or not touches:
         return float(overlap), False
     wi, wj, n = xyz(state.omega, i), row(planes.middle, w, 12), scaled(row(planes.now, w, 3), -1.0)
@@ -447,18 +447,18 @@ def beside_plane(
             vj = plane_velocity(planes.middle, w, plus(plus(xi, -half, vi), ri - mean_overlap, shown), 0.0)
         # The plane's velocity is that of the very place: what its spin adds with the overlap's middle is taken back.
         vj = plus(vj, -0.5 * mean_overlap * law[SLIP_MID], cross(wj, shown))
-    put(scratch, D + q, scaled(n, height))
-    put(scratch, D_BEFORE + q, scaled(before, height_before))
+    put_vector(scratch, D + q, scaled(n, height))
+    put_vector(scratch, D_BEFORE + q, scaled(before, height_before))
     scratch[REACH + q] = ri
-    put(scratch, DV + q, plus(vi, -1.0, vj))
-    put(scratch, DASHPOT_DV + q, plus(seen, -1.0, dashpot_vj))
-    put(scratch, ROLLS + q, scaled(wi, ri))
-    put(scratch, SPINS + q, plus(wi, 1.0, wj))
-    put(scratch, TURNS + q, plus(wi, -1.0, wj))
+    put_vector(scratch, DV + q, plus(vi, -1.0, vj))
+    put_vector(scratch, DASHPOT_DV + q, plus(seen, -1.0, dashpot_vj))
+    put_vector(scratch, ROLLS + q, scaled(wi, ri))
+    put_vector(scratch, SPINS + q, plus(wi, 1.0, wj))
+    put_vector(scratch, TURNS + q, plus(wi, -1.0, wj))
     spin_seen = wi
     if step.central and state.omega_now.shape[0] > 0:
         spin_seen, wj = xyz(state.omega_now, i), row(planes.now, w, 12)
-    put(scratch, DASHPOT_TURNS + q, plus(spin_seen, -1.0, wj))
+    put_vector(scratch, DASHPOT_TURNS + q, plus(spin_seen, -1.0, wj))
     recall(contacts, k, q, contacts.memory.shape[1] > MEMORY_WIDTH, scratch)
     return float(overlap), True
 
@@ -486,7 +486,7 @@ def forces_of_planes(
                     end_of_rows = np.uint64(first_from(contacts, int(np.int64(k)), contacts.start[w + 1], end))
                     moves = not at_rest(planes, w)
                     if step.keep:
-                        clear_kept(contacts, k, end_of_rows)
+                        clear_forces(contacts, k, end_of_rows)
                 continue
             overlap, touches = beside_plane(
                 state, planes, contacts, laws[contacts.law[k]], step, moves, w, k, count, scratch

@@ -15,7 +15,7 @@ import numpy as np
 
 from ninedisk.core.compile import fused_inline_kernel, inline_kernel, kernel
 from ninedisk.core.dem.plane.kick_kernels import farther
-from ninedisk.core.dem.space.neighbour_kernels import Materials, about_contact, inherit, note
+from ninedisk.core.dem.space.neighbour_kernels import Materials, about_contact, inherit, record_pair
 from ninedisk.core.dem.space.registers import WIDE
 from ninedisk.core.dem.space.scratch_kernels import DASHPOT_ROWS, DV_ROWS, FOUR, PUSH, D, vector
 from ninedisk.core.dem.space.state import IMAGE, Contacts, Floats, Images, Index, State, Vector
@@ -205,7 +205,7 @@ def list_images(
                         number = materials.pair[materials.of[i], materials.of[j]]
                         about = about_contact(state, i) + about_contact(state, j)
                         masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
-                        note(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
+                        record_pair(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
                         new.row[k], new.other[k] = i, j
                         for c in range(3):
                             new.notes[k, IMAGE + c] = shift[c]

@@ -29,7 +29,7 @@ from ninedisk.core.dem.space.scratch_kernels import (
     SPRINGS,
     TURNS,
     D,
-    last,
+    get_extra,
     vector,
 )
 from ninedisk.core.dem.space.state import (
@@ -244,7 +244,7 @@ def touch_of(sticks: bool, springs: np.uint64, q: Index, scratch: Floats) -> Tou
         d=vector(scratch, D + q),
         d_before=vector(scratch, D_BEFORE + q),
         reach=scratch[REACH + q],
-        reduced=last(scratch, SPRINGS + q),
+        reduced=get_extra(scratch, SPRINGS + q),
         drag=scratch[ITS_DRAG + q],
         dv=vector(scratch, DV + q),
         dashpot_dv=vector(scratch, DASHPOT_DV + q),
@@ -262,7 +262,7 @@ STEEP = 1e30
 def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[Vector, Vector, float]:
     """Torque of both resistances on the second body [N m], and what is remembered of them, after `run_of_contacts`."""
     d, before = vector(scratch, D + q), vector(scratch, D_BEFORE + q)
-    rolled, twisted = vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
+    rolled, twisted = vector(scratch, ROLLED + q), get_extra(scratch, ROLLED + q)
     n, apart = scaled(d, 1.0 / sqrt(dot(d, d))), sqrt(dot(before, before))
     before = scaled(before, 1.0 / apart)
     begins = apart >= scratch[REACH + q]
@@ -270,18 +270,18 @@ def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[
         begins = scratch[ITS_NECK + q] < 0.0
     if begins:
         before, rolled, twisted = n, (0.0, 0.0, 0.0), 0.0
-    reduced, repulsive = last(scratch, SPRINGS + q), scratch[REPULSIVE + q]
+    reduced, repulsive = get_extra(scratch, SPRINGS + q), scratch[REPULSIVE + q]
     turn, dashpot_turn = vector(scratch, TURNS + q), vector(scratch, DASHPOT_TURNS + q)
     about, damped_about = dot(turn, n), dot(dashpot_turn, n)
     across = plus(turn, -about, n)
-    way = across
+    path = across
     m = (0.0, 0.0, 0.0)
     if law[ROLL] > 0.0:
         if law[MIDDLE] > 0.0:
             both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
             shown = scaled(both, 1.0 / sqrt(dot(both, both)))
             angle = 0.5 * slip_dt * dot(vector(scratch, SPINS + q), shown)
-            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(across, n, angle)
+            rolled, path = spun(carried(rolled, before, n), n, angle), half_spun(across, n, angle)
         else:
             rolled = projected(rolled, n)
         limit = law[ROLL + 1] * reduced * repulsive
@@ -289,7 +289,7 @@ def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[
             rolled = capped(scaled(across, STEEP), limit)
             m = rolled
         else:
-            rolled = plus(rolled, law[ROLL + 2] * slip_dt, way)
+            rolled = plus(rolled, law[ROLL + 2] * slip_dt, path)
             free = dot(rolled, rolled) < limit * limit
             rolled = capped(rolled, limit)
             m = plus(rolled, scratch[ITS_ROLL_DRAG + q] if free else 0.0, plus(dashpot_turn, -damped_about, n))
@@ -308,11 +308,11 @@ def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[
 
 
 @inline_kernel
-def taken(before: Vector, after: Vector, way: Vector) -> float:
+def dissipated_energy(before: Vector, after: Vector, path: Vector) -> float:
     """Energy [J] that a force or torque which goes from ``before`` to ``after`` takes on a way; that of ``after`` alone where it has turned
     round within the step (`ninedisk.core.dem.plane.force_kernels.friction_loss`)."""
-    mean = 0.5 * (dot(before, way) + dot(after, way))
-    return mean if mean > 0.0 else max(dot(after, way), 0.0)
+    mean = 0.5 * (dot(before, path) + dot(after, path))
+    return mean if mean > 0.0 else max(dot(after, path), 0.0)
 
 
 @inline_kernel
@@ -352,7 +352,7 @@ def shear_losses(law: Floats, slip_dt: float, at_planes: bool, q: Index, scratch
         spin = scaled(plus(spin, 1.0, vector(scratch, TURNS + q)), 0.5)
     work = -slip_dt * dot(mean, plus(u, -arms, cross(spin, n)))
     stored = 0.5 * (dot(f, f) * compliance(ks) - dot(f_before, f_before) * compliance(ks_before))
-    return taken(f_before, f, slid), work - dot(mean, slid) - stored
+    return dissipated_energy(f_before, f, slid), work - dot(mean, slid) - stored
 
 
 @inline_kernel
@@ -361,23 +361,23 @@ def resistance_losses(law: Floats, step: Step, q: Index, scratch: Floats) -> tup
     n, _, before, _, rolled = pose_of(True, False, touch_of(False, OLD_ROLLED, q, scratch))
     both = (before[0] + n[0], before[1] + n[1], before[2] + n[2])
     shown = scaled(both, 1.0 / sqrt(dot(both, both)))
-    turn, kept, kept_twist = vector(scratch, TURNS + q), vector(scratch, ROLLED + q), last(scratch, ROLLED + q)
+    turn, kept, kept_twist = vector(scratch, TURNS + q), vector(scratch, ROLLED + q), get_extra(scratch, ROLLED + q)
     about = dot(turn, n)
-    way = scaled(plus(turn, -about, n), step.slip_dt)
+    path = scaled(plus(turn, -about, n), step.slip_dt)
     lost = 0.0
     if law[ROLL] > 0.0:
         if law[MIDDLE] > 0.0:
             angle = 0.5 * step.slip_dt * dot(vector(scratch, SPINS + q), shown)
-            rolled, way = spun(carried(rolled, before, n), n, angle), half_spun(way, n, angle)
+            rolled, path = spun(carried(rolled, before, n), n, angle), half_spun(path, n, angle)
         else:
             rolled = projected(vector(scratch, OLD_ROLLED + q), n)
         if law[ROLL] == SPRING:
-            way = plus(way, -compliance(law[ROLL + 2]), plus(kept, -1.0, rolled))
-        lost += taken(rolled, kept, way)
+            path = plus(path, -compliance(law[ROLL + 2]), plus(kept, -1.0, rolled))
+        lost += dissipated_energy(rolled, kept, path)
     if law[TWIST] > 0.0:
-        twisted, angle = last(scratch, OLD_ROLLED + q), step.slip_dt * about
+        twisted, angle = get_extra(scratch, OLD_ROLLED + q), step.slip_dt * about
         if law[TWIST] == SPRING:
             angle -= (kept_twist - twisted) * compliance(law[TWIST + 2])
-        lost += taken(scaled(n, twisted), scaled(n, kept_twist), scaled(n, angle))
+        lost += dissipated_energy(scaled(n, twisted), scaled(n, kept_twist), scaled(n, angle))
     damped = plus(plus(vector(scratch, MOMENT + q), -1.0, kept), -kept_twist, n)
     return lost, step.loss_dt * dot(damped, vector(scratch, DASHPOT_TURNS + q))

@@ -221,7 +221,7 @@ def dashpot(beta: float, stiffness: float, inverse: float) -> float:
 
 
 @inline_kernel
-def note(
+def record_pair(
     new: Contacts,
     k: int,
     laws: Floats,
@@ -304,7 +304,7 @@ def list_pairs(
                     number = materials.pair[materials.of[name[i]], materials.of[name[j]]]
                     about = about_contact(state, i) + about_contact(state, j)
                     masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
-                    note(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
+                    record_pair(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
                     new.row[k], new.other[k] = i, j
                     a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
                     for o in range(old.start[a], old.start[a + 1]):
@@ -348,7 +348,9 @@ def list_planes(
             if k == room:
                 return False
             number = materials.plane[w, materials.of[name[i]]]
-            note(new, k, laws, number, radius[i], state.inv_mass[i], about_contact(state, i), state.inv_inertia[i])
+            record_pair(
+                new, k, laws, number, radius[i], state.inv_mass[i], about_contact(state, i), state.inv_inertia[i]
+            )
             new.row[k], new.other[k] = w, i
             if place[listed[i]] >= 0:
                 inherit(old, place[listed[i]], new, k, False)

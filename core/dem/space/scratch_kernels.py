@@ -54,13 +54,13 @@ def vector(scratch: Floats, at: np.uint64) -> Vector:
 
 
 @fused_inline_kernel
-def last(scratch: Floats, at: np.uint64) -> float:
+def get_extra(scratch: Floats, at: np.uint64) -> float:
     """The number beside a vector."""
     return float(scratch[at + LAST * NEXT])
 
 
 @fused_inline_kernel
-def put(scratch: Floats, at: np.uint64, a: Vector) -> None:
+def put_vector(scratch: Floats, at: np.uint64, a: Vector) -> None:
     """Write a vector into the scratch's columns."""
     scratch[at], scratch[at + NEXT], scratch[at + TWO * NEXT] = a
 
@@ -112,7 +112,7 @@ def remember(contacts: Contacts, k: np.uint64, q: Index, resisted: bool, keep: b
     else:
         scale(memory, k, 1.0, scratch, SPRINGS_ROWS + q)
     if keep:
-        force[k, 0] = last(scratch, FS + q)
+        force[k, 0] = get_extra(scratch, FS + q)
         force[k, 1], force[k, 2], force[k, 3] = vector(scratch, FS + q)
 
 

@@ -23,6 +23,7 @@ from ninedisk.core.dem.space.arrays import (
     compile_motion,
     dampings,
     empty_list,
+    enlarged_list,
     image_arrays,
     in_rows,
     law_tables,
@@ -30,8 +31,7 @@ from ninedisk.core.dem.space.arrays import (
     nearest,
     no_losses,
     push_arrays,
-    roomier,
-    wide,
+    vector_rows,
     xyz_rows,
 )
 from ninedisk.core.dem.space.critical import Network, critical_time_step
@@ -73,9 +73,9 @@ from ninedisk.core.errors import (
     UnstableTimeStepError,
 )
 from ninedisk.core.history import History, Pair
-from ninedisk.core.numerics import MOST_STEPS, Numerics, check_progress, check_room, chosen_particles, watched_pairs
+from ninedisk.core.numerics import MOST_STEPS, Numerics, check_memory, check_progress, chosen_particles, watched_pairs
 from ninedisk.core.scene import PlaneWall, SphereScene
-from ninedisk.core.threads import check_threads, together
+from ninedisk.core.threads import check_threads, run_in_threads
 from ninedisk.core.validate import kind_of, whole
 
 NEVER = 2**62
@@ -155,7 +155,7 @@ class SphereSession:
         self.scene, self.numerics = scene, numerics
         self.pairs = watched_pairs(scene, watch)
         self.chosen = chosen_particles(scene, particles)
-        check_room(numerics, 2 * len(self.chosen), 2 * m, 2 * len(self.pairs))
+        check_memory(numerics, 2 * len(self.chosen), 2 * m, 2 * len(self.pairs))
         self.contact_dt, self._alone = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         self._central = numerics.damping_form == "central"
@@ -170,16 +170,16 @@ class SphereSession:
         stripes = STRIPES if in_order else 1
         resisted = any(law.rolling or law.twisting for law in scene.laws_in_use)
         self._state = State(
-            x=wide(spheres.x),
-            v=wide(spheres.v),
-            omega=wide(spheres.omega),
+            x=vector_rows(spheres.x),
+            v=vector_rows(spheres.v),
+            omega=vector_rows(spheres.omega),
             angle=aligned(np.zeros(WIDE * n)),
-            v_now=wide(spheres.v) if self._central else np.zeros(0),
-            omega_now=wide(spheres.omega) if self._central and resisted else np.zeros(0),
+            v_now=vector_rows(spheres.v) if self._central else np.zeros(0),
+            omega_now=vector_rows(spheres.omega) if self._central and resisted else np.zeros(0),
             force=aligned(np.zeros(WIDE * n)),
             torque=aligned(np.zeros(WIDE * n)),
             mass=np.where(inv_mass > 0.0, spheres.mass, 0.0),
-            mobility=wide(free * inv_mass[:, None]),
+            mobility=vector_rows(free * inv_mass[:, None]),
             inv_mass=inv_mass,
             inv_inertia=np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0),
             radius=np.array(spheres.radius),
@@ -188,7 +188,7 @@ class SphereSession:
             load=np.zeros((m, 3)),
             share=np.zeros((BATCH * stripes, m, 3)),
             behind=np.zeros((BATCH * stripes, 2), dtype=np.int64),
-            built=wide(spheres.x),
+            built=vector_rows(spheres.x),
             braked=np.zeros(n if numerics.energy_budget and scene.xi > 0.0 else 0),
         )
         self._pushes = push_arrays(scene)
@@ -209,7 +209,7 @@ class SphereSession:
             grid=np.zeros(6),
         )
         self._listed = np.arange(n)
-        self._gravity = wide(np.array([scene.gravity]))
+        self._gravity = vector_rows(np.array([scene.gravity]))
         notes = columns.NOTES_WIDTH_RESISTED if resisted else columns.NOTES_WIDTH
         if sticky:
             notes = columns.NOTES_WIDTH_STICKY
@@ -414,7 +414,7 @@ class SphereSession:
             )
             plan = Plan(goal, 1 if self._one_by_one or self._images is not None else BATCH, self._front)
             shared = (bodies, self._losses, self._images, self._motion, self._batch, clock, scheme, plan)
-            status = together(advance, self._threads, shared)
+            status = run_in_threads(advance, self._threads, shared)
             if status == FAR:
                 self._rebuild()
             elif status == AGAIN or (status == BEHIND and clock[STEP] < goal):
@@ -478,10 +478,10 @@ class SphereSession:
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         pairs, planes = self._pairs, self._at_planes
         while not list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs):
-            pairs[1] = roomier(pairs[1])
+            pairs[1] = enlarged_list(pairs[1])
         place = np.empty(len(listed), dtype=np.int64)
         while not list_planes(state, listed, materials, laws, skin, place, *planes):
-            planes[1] = roomier(planes[1])
+            planes[1] = enlarged_list(planes[1])
         pairs.reverse()
         planes.reverse()
         state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
@@ -503,7 +503,7 @@ class SphereSession:
         if not sort_into_images(state, images, 2.0 * widest + skin, self._cells):
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         while not list_images(state, images, self._cells, self._materials, self._laws, skin, *pairs):
-            pairs[1] = roomier(pairs[1])
+            pairs[1] = enlarged_list(pairs[1])
         pairs.reverse()
         state.built[:], images.built[:] = state.x, images.now
         state.force[:], state.torque[:] = np.outer(state.mass, self._gravity).ravel(), 0.0
@@ -568,9 +568,9 @@ class SphereSession:
             v = v - xyz_rows(state.x) @ flow.T
             i = int(np.argmax(np.linalg.norm(v - v.mean(axis=0), axis=1)))
             j = int(np.argmax(np.linalg.norm(v - v[i], axis=1)))
-            if self._clock[STEP] > 0 and (way := dt * float(np.linalg.norm(v[i] - v[j]))) > self._least:
+            if self._clock[STEP] > 0 and (travel := dt * float(np.linalg.norm(v[i] - v[j]))) > self._least:
                 i, j = sorted((i, j))
-                raise scene.too_fast(i, scene.body_name(j), way, self._least, float(self._clock[STEP] * dt), dt)
+                raise scene.too_fast(i, scene.body_name(j), travel, self._least, float(self._clock[STEP] * dt), dt)
             return
         if self._clock[STEP] == 0 or not dt * np.linalg.norm(np.ptp(v, axis=0)) > self._least:
             return
@@ -579,8 +579,8 @@ class SphereSession:
         pair = leaping_pair(x, dt * v, radius, radius, scene.spheres.fixed, float(self._skin[0]))
         if pair:
             i, j = pair
-            way, limit = dt * float(np.linalg.norm(v[i] - v[j])), float(radius[[i, j]].min())
-            raise scene.too_fast(i, scene.body_name(j), way, limit, float(self._clock[STEP] * dt), dt)
+            travel, limit = dt * float(np.linalg.norm(v[i] - v[j])), float(radius[[i, j]].min())
+            raise scene.too_fast(i, scene.body_name(j), travel, limit, float(self._clock[STEP] * dt), dt)
 
     def _check_centres(self) -> None:
         """Raise if the centres of two spheres coincide that can touch: `InvalidSceneError`, on the way `NonFiniteStateError`."""

@@ -41,7 +41,7 @@ from ninedisk.core.dem.space.state import (
     Step,
 )
 from ninedisk.core.dem.space.vector_kernels import cross, dot, plus, row, scaled
-from ninedisk.core.thread_kernels import PAD, reached, tell, wait_for_all
+from ninedisk.core.thread_kernels import PAD, signal, wait_for_all, wait_until
 
 SURE = 1.001
 """Squared displacements count a thousandth more: 5e-6 mean radii of the least skin, far above the rounding of any distance."""
@@ -148,15 +148,15 @@ def farthest(x: Floats, built: Floats, begin: int, end: int) -> float:
 
 
 @kernel
-def foreseen(state: State, way: float, begin: int, end: int) -> float:
-    """Largest squared displacement since the last rebuild [m^2] of the spheres ``begin .. end-1``, now or after another time ``way`` [s] at
+def foreseen(state: State, lag: float, begin: int, end: int) -> float:
+    """Largest squared displacement since the last rebuild [m^2] of the spheres ``begin .. end-1``, now or after another time ``lag`` [s] at
     their present velocities; NaN if any is NaN."""
     x, built, v = state.x, state.built, state.v
     far = farthest(x, built, begin, end)
     for i in range(np.uint64(begin), np.uint64(end)):
         k = FOUR * i
-        a, b = x[k] - built[k] + way * v[k], x[k + ONE] - built[k + ONE] + way * v[k + ONE]
-        c = x[k + TWO] - built[k + TWO] + way * v[k + TWO]
+        a, b = x[k] - built[k] + lag * v[k], x[k + ONE] - built[k + ONE] + lag * v[k + ONE]
+        c = x[k + TWO] - built[k + TWO] + lag * v[k + TWO]
         far = farther(far, a * a + b * b + c * c)
     return far
 
@@ -325,7 +325,7 @@ def step_of_stripe(
 
 
 @inline_kernel
-def any_behind(state: State) -> bool:
+def any_behind_plane(state: State) -> bool:
     """Whether a stripe has noted a centre behind a plane in a step."""
     found = False
     for slot in range(state.behind.shape[0]):
@@ -334,7 +334,7 @@ def any_behind(state: State) -> bool:
 
 
 @inline_kernel
-def too_far(far: float, skin: float) -> bool:
+def moved_too_far(far: float, skin: float) -> bool:
     """Whether a squared displacement [m^2] exceeds half of the skin, or is NaN."""
     return not 4.0 * SURE * far < skin * skin
 
@@ -424,14 +424,14 @@ def steps_at_once(
         for p in range(places):
             if threads > 1 and turn > 0:
                 before = (turn - 1) % threads
-                reached(batch.done, before * PAD, (turn - 1) * places + min(p + plan.front + 1, places))
+                wait_until(batch.done, before * PAD, (turn - 1) * places + min(p + plan.front + 1, places))
             for k in range(max(0, p - stripes + 1), min(steps, p + 1)):
                 level = first + k
                 far = step_of_stripe(bodies, losses, images, batch, scheme, plan, n + level, level, p - k, thread)
                 at = thread * PAD + int(level == count - 1)
                 batch.far[at] = farther(batch.far[at], far)
             if threads > 1:
-                tell(batch.done, thread * PAD, turn * places + p + 1)
+                signal(batch.done, thread * PAD, turn * places + p + 1)
 
 
 @kernel
@@ -467,7 +467,7 @@ def advance(
         if n == due:
             batch.far[mine + 1] = foreseen(state, FORESEEN * dt, begin, end)
         wait_for_all(batch.flags, thread, threads)
-        if (moved or n == due) and too_far(farthest_of_all(batch, 1, threads), skin):
+        if (moved or n == due) and moved_too_far(farthest_of_all(batch, 1, threads), skin):
             return FAR
         if n == due:
             due = n + BATCH
@@ -479,8 +479,8 @@ def advance(
         wait_for_all(batch.flags, thread, threads)
         steps_at_once(bodies, losses, images, batch, scheme, plan, n, count, thread, threads)
         wait_for_all(batch.flags, thread, threads)
-        behind = any_behind(state)
-        if count > 1 and (behind or too_far(farthest_of_all(batch, 0, threads), skin)):
+        behind = any_behind_plane(state)
+        if count > 1 and (behind or moved_too_far(farthest_of_all(batch, 0, threads), skin)):
             return AGAIN
         if behind:
             return BEHIND

@@ -74,7 +74,7 @@ SOLVERS = {"clarabel": clarabel, "piqp": piqp}
 GOOD = ("Solved", "PIQP_SOLVED")
 
 
-def solved(request: dict[str, Any]) -> dict[str, Any]:
+def solution_record(request: dict[str, Any]) -> dict[str, Any]:
     """Contact forces and figures."""
     made = program(ContactProblem.load(request["problem"]))
     solve = SOLVERS[request["solver"]]
@@ -95,11 +95,11 @@ def solved(request: dict[str, Any]) -> dict[str, Any]:
 def main() -> None:
     """Solve one request, where an exception becomes an ``error`` answer, or climb the ladders of the race."""
     if "--race" in sys.argv:
-        climb(solved)
+        climb(solution_record)
         return
     request = json.load(sys.stdin)
     try:
-        answer = solved(request)
+        answer = solution_record(request)
     except Exception as error:  # the harness shows the text; a traceback would only bury it
         answer = {"error": f"{type(error).__name__}: {error}"}
     with open(request["answer"], "wb") as file:

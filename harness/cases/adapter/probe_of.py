@@ -6,20 +6,28 @@ from ninedisk.harness.api.capabilities import UNLOADING, Capability
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.adapter import space_loads
 from ninedisk.harness.cases.adapter.probes import Probe, probe_in_plane
-from ninedisk.harness.cases.adapter.space import elastic_impact, lifted, sliding, spheres, sticky, told_losses, twisted
+from ninedisk.harness.cases.adapter.space import (
+    elastic_impact,
+    lifted_sphere,
+    reported_losses,
+    resting_sphere,
+    sliding_sphere,
+    sticky_sphere,
+    twisting_sphere,
+)
 
 
 def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
     """The probe of a capability in space; None where the plane has it."""
     if capability in UNLOADING.values():
-        return lifted(next(name for name, held_by in UNLOADING.items() if held_by is capability))
+        return lifted_sphere(next(name for name, held_by in UNLOADING.items() if held_by is capability))
     make = {
-        Capability.SPHERES: lambda: spheres(info),
+        Capability.SPHERES: lambda: resting_sphere(info),
         Capability.HERTZ_MINDLIN: lambda: elastic_impact(),
-        Capability.TWISTING_CONSTANT: lambda: twisted(info, spring=False),
-        Capability.TWISTING_SPRING: lambda: twisted(info, spring=True),
-        Capability.SURFACE_DMT: lambda: sticky(info, "dmt"),
-        Capability.SURFACE_JKR: lambda: sticky(info, "jkr"),
+        Capability.TWISTING_CONSTANT: lambda: twisting_sphere(info, spring=False),
+        Capability.TWISTING_SPRING: lambda: twisting_sphere(info, spring=True),
+        Capability.SURFACE_DMT: lambda: sticky_sphere(info, "dmt"),
+        Capability.SURFACE_JKR: lambda: sticky_sphere(info, "jkr"),
         Capability.GLOBAL_DAMPING_CENTRAL_3D: lambda: space_loads.damped(info, "central"),
         Capability.GLOBAL_DAMPING_LAGGED_3D: lambda: space_loads.damped(info, "lagged"),
         Capability.BODY_FORCES_3D: lambda: space_loads.pushed(info),
@@ -29,7 +37,10 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         **(
             {}
             if info.plane
-            else {Capability.FRICTION: lambda: sliding(info), Capability.ENERGY_BUDGET: lambda: told_losses(info)}
+            else {
+                Capability.FRICTION: lambda: sliding_sphere(info),
+                Capability.ENERGY_BUDGET: lambda: reported_losses(info),
+            }
         ),
     }.get(capability)
     return None if make is None else make()

@@ -240,7 +240,7 @@ def free_flight(info: EngineInfo, **sampling: int) -> Probe:
     return Probe(title="free flight", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
-def fall(info: EngineInfo) -> Probe:
+def falling_disk(info: EngineInfo) -> Probe:
     """A disk in a field that is no multiple of an axis: v to round-off, x to the first order of every scheme."""
     g = np.array([3.0, -G])
     moved = some_disks(x=[[0.0, 0.0]], v=[[0.2, 1.0]])
@@ -261,7 +261,7 @@ def fall(info: EngineInfo) -> Probe:
     return Probe(title="fall", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
-def weights(info: EngineInfo) -> Probe:
+def resting_disks(info: EngineInfo) -> Probe:
     """Two disks of unlike mass at rest on a floor, watched in an order of their own: each contact carries its own weight."""
     masses = np.array([1.0, 3.0])
     overlap = np.array([resting_overlap(info, mass) for mass in masses])
@@ -320,7 +320,7 @@ def sliding(info: EngineInfo, own: LeverArm, *, rotating: bool) -> Probe:
     return Probe(title=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms)
 
 
-def rebound(info: EngineInfo) -> Probe:
+def rebounding_disk(info: EngineInfo) -> Probe:
     """A disk that touches a floor at 2 m/s, faster than any engine's threshold of rebounds, and leaves at half of it.
 
     The springs and dashpots that stand for such a contact give the same restitution.
@@ -350,7 +350,7 @@ def rebound(info: EngineInfo) -> Probe:
     )
 
 
-def damped(info: EngineInfo, form: str) -> Probe:
+def damped_disk(info: EngineInfo, form: str) -> Probe:
     """A disk in a viscous medium, which slows its spin, too: v0 exp(-xi t), its discrete form where the engine's scheme has one."""
     xi, speed = 2.0, 1.0
     scene = Scene(disks=some_disks(x=[[0.0, 0.0]], v=[[speed, 0.0]], omega=[speed]), disk_disk=law(info), xi=xi)
@@ -462,7 +462,7 @@ def rolling(arm: LeverArm, *, sunk: float = 0.2, speed: float = 0.5, force: floa
     return Probe(title=name, setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms)
 
 
-def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
+def passing_disk(info: EngineInfo, slip_at: SlipAt) -> Probe:
     """A disk flies past another one, deep in its contact, whose forces are too weak to turn it aside.
 
     It passes the other's centre at the distance h with the speed v: the slip is the integral of ``v h/r`` over the time, and the
@@ -499,7 +499,7 @@ def passing(info: EngineInfo, slip_at: SlipAt) -> Probe:
     )
 
 
-def driven(info: EngineInfo, motion: str) -> Probe:
+def driven_disk(info: EngineInfo, motion: str) -> Probe:
     """A disk that touches a floor which begins to move: uniformly, about a distant pivot, or from rest along a cosine.
 
     Springs carry it by ``u'' = omega^2 (floor - u)``; a rigid floor carries it along.
@@ -552,7 +552,7 @@ def driven(info: EngineInfo, motion: str) -> Probe:
     )
 
 
-def squeezed(info: EngineInfo) -> Probe:
+def squeezed_disk(info: EngineInfo) -> Probe:
     """The static limit: a disk between a floor and a lid that comes down takes half of the way at either contact."""
     contact = law(info, ks=0.0)
     displacement, count = 1e-3, 5
@@ -639,7 +639,7 @@ def lens_on_floor() -> Probe:
     )
 
 
-def held(info: EngineInfo) -> Probe:
+def held_disk(info: EngineInfo) -> Probe:
     """A disk whose x velocity is prescribed falls freely along y."""
     moved = some_disks(x=[[0.0, 0.0]], v=[[0.3, 0.0]], held=[[True, False]])
     scene = Scene(disks=moved, disk_disk=law(info), gravity=(1.0, -2.0))
@@ -656,7 +656,7 @@ def held(info: EngineInfo) -> Probe:
     return Probe(title="held", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
-def fixed(info: EngineInfo) -> Probe:
+def fixed_disk(info: EngineInfo) -> Probe:
     """A disk at rest on top of a fixed one, which stays where it is; a second fixed one overlaps the first without a force."""
     sunk = resting_overlap(info)
     x = [[0.0, 0.0], [0.0, 2.0 * R - sunk], [0.0, -R]]
@@ -717,7 +717,7 @@ def two_materials(info: EngineInfo, own: LeverArm) -> Probe:
     return Probe(title="materials", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
-def pushed(info: EngineInfo) -> Probe:
+def pushed_disk(info: EngineInfo) -> Probe:
     """A free disk under a force and a torque that begin and end inside steps: their impulse is exact all the same."""
     force, torque, v, omega = np.array([3.0, -1.0]), 0.2, np.array([0.4, 0.1]), 1.0
     span = BodyForce(disk=0, force=(3.0, -1.0), torque=torque, begin=0.0132, end=0.0573)
@@ -741,7 +741,7 @@ def pushed(info: EngineInfo) -> Probe:
     return Probe(title="forces", setup=Setup(scene=scene, numerics=numerics, watch=()), closed_forms=closed_forms)
 
 
-def resisted(info: EngineInfo, own: LeverArm, model: RollingModel) -> Probe:
+def resisted_disk(info: EngineInfo, own: LeverArm, model: RollingModel) -> Probe:
     """A disk that rolls along a floor against a torque: m a + (I/R) a/R = mu fn, so that a = (2/3) mu g; on a spring kr it swings.
 
     The rolling spring of "elastic-plastic" is so soft that a quarter of a period lasts 0.1 s, and its cap is out of reach.
@@ -800,7 +800,7 @@ def stuck_deep(info: EngineInfo) -> Probe:
     )
 
 
-def hung(info: EngineInfo) -> Probe:
+def hanging_disk(info: EngineInfo) -> Probe:
     """A disk that hangs from a ceiling, whose contact takes twice its weight."""
     contact = ContactLaw(kn=KN, regularised=True, restitution=0.0, adhesion=2.0 * M * G)
     ceiling = Wall(name="ceiling", point=(0.0, 0.0), normal=(0.0, -1.0), law=contact)
@@ -825,13 +825,13 @@ def hung(info: EngineInfo) -> Probe:
 THROWN_MU, THROWN_SPEED = 0.1, 1.0
 
 
-def told_losses(info: EngineInfo, own: LeverArm) -> Probe:
+def reported_losses(info: EngineInfo, own: LeverArm) -> Probe:
     """A disk thrown along a floor: friction takes mu m g times the slip, which shrinks by 3 mu g t."""
     scene = on_floor(law(info, mu=THROWN_MU, lever_arm=own), overlap=resting_overlap(info), v=[[THROWN_SPEED, 0.0]])
-    return thrown("energy budget", lambda numerics: Setup(scene=scene, numerics=numerics, watch=()), 3.0, info)
+    return thrown_loss("energy budget", lambda numerics: Setup(scene=scene, numerics=numerics, watch=()), 3.0, info)
 
 
-def thrown(title: str, setup: Callable[[Numerics], Setup], rate: float, info: EngineInfo) -> Probe:
+def thrown_loss(title: str, setup: Callable[[Numerics], Setup], rate: float, info: EngineInfo) -> Probe:
     """What friction takes of a body that is thrown along a floor, whose slip shrinks by ``rate`` mu g t."""
     numerics = Numerics(dt=0.002, n_steps=50, sample_from=50, sliding="coulomb", energy_budget=True)
     end = numerics.dt * numerics.n_steps
@@ -883,30 +883,30 @@ def probe_in_plane(capability: Capability, info: EngineInfo) -> Probe:
         Capability.SHEAR_SPRING: lambda: rolling(own, sunk=SHALLOW),
         Capability.FRICTION: lambda: sliding(info, own, rotating=Capability.BLOCKED_ROTATION not in info.capabilities),
         Capability.CONTACT_DAMPING: lambda: impact(beta=0.2),
-        Capability.RESTITUTION: lambda: rebound(info),
-        Capability.GLOBAL_DAMPING_CENTRAL: lambda: damped(info, "central"),
-        Capability.GLOBAL_DAMPING_LAGGED: lambda: damped(info, "lagged"),
-        Capability.MOVING_WALLS: lambda: driven(info, "moving"),
-        Capability.ROTATING_WALLS: lambda: driven(info, "turning"),
-        Capability.CURVED_WALL_MOTION: lambda: driven(info, "curved"),
-        Capability.GRAVITY: lambda: fall(info),
+        Capability.RESTITUTION: lambda: rebounding_disk(info),
+        Capability.GLOBAL_DAMPING_CENTRAL: lambda: damped_disk(info, "central"),
+        Capability.GLOBAL_DAMPING_LAGGED: lambda: damped_disk(info, "lagged"),
+        Capability.MOVING_WALLS: lambda: driven_disk(info, "moving"),
+        Capability.ROTATING_WALLS: lambda: driven_disk(info, "turning"),
+        Capability.CURVED_WALL_MOTION: lambda: driven_disk(info, "curved"),
+        Capability.GRAVITY: lambda: falling_disk(info),
         Capability.BLOCKED_ROTATION: lambda: sliding(info, own, rotating=False),
-        Capability.HELD_MOTION: lambda: held(info),
-        Capability.FIXED_DISKS: lambda: fixed(info),
-        Capability.QUASI_STATIC: lambda: squeezed(info),
+        Capability.HELD_MOTION: lambda: held_disk(info),
+        Capability.FIXED_DISKS: lambda: fixed_disk(info),
+        Capability.QUASI_STATIC: lambda: squeezed_disk(info),
         Capability.PRELOAD: lambda: rolling(own, sunk=SHALLOW, speed=0.0, force=-1.0),
         Capability.DISK_INERTIA: lambda: sliding(info, own, rotating=True),
-        Capability.SLIP_MIDDLE: lambda: passing(info, "middle"),
-        Capability.SLIP_END: lambda: passing(info, "end"),
+        Capability.SLIP_MIDDLE: lambda: passing_disk(info, "middle"),
+        Capability.SLIP_END: lambda: passing_disk(info, "end"),
         Capability.MATERIALS: lambda: two_materials(info, own),
-        Capability.BODY_FORCES: lambda: pushed(info),
-        Capability.ROLLING_CONSTANT: lambda: resisted(info, own, "constant"),
-        Capability.ROLLING_VISCOUS: lambda: resisted(info, own, "viscous"),
-        Capability.ROLLING_SPRING: lambda: resisted(info, own, "elastic-plastic"),
+        Capability.BODY_FORCES: lambda: pushed_disk(info),
+        Capability.ROLLING_CONSTANT: lambda: resisted_disk(info, own, "constant"),
+        Capability.ROLLING_VISCOUS: lambda: resisted_disk(info, own, "viscous"),
+        Capability.ROLLING_SPRING: lambda: resisted_disk(info, own, "elastic-plastic"),
         Capability.COHESION: lambda: stuck_deep(info),
-        Capability.ADHESION: lambda: hung(info),
+        Capability.ADHESION: lambda: hanging_disk(info),
         Capability.PERIODIC_CELL: lambda: across_the_edge(info),
-        Capability.ENERGY_BUDGET: lambda: told_losses(info, own),
+        Capability.ENERGY_BUDGET: lambda: reported_losses(info, own),
         Capability.OUTLINES: lambda: ellipse_at_rest(info),
         Capability.AREA_CONTACT: lambda: lens_on_floor(),
     }[capability]()

@@ -31,7 +31,7 @@ from ninedisk.harness.cases.adapter.probes import (
     has_springs,
     resting_overlap,
     round_off,
-    thrown,
+    thrown_loss,
 )
 
 UP = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -73,7 +73,7 @@ def _three(vector: FloatArray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def spheres(info: EngineInfo, **sampling: int) -> Probe:
+def resting_sphere(info: EngineInfo, **sampling: int) -> Probe:
     """A sphere at rest on an oblique floor, and one that flies beside it, turning; ``sampling`` goes to `Numerics`."""
     overlap = resting_overlap(info)
     v, omega, begin = np.array([0.3, -0.2, 1.5]), np.array([1.0, 2.0, -3.0]), 5.0 * ALONG + 3.0 * UP
@@ -106,7 +106,7 @@ def spheres(info: EngineInfo, **sampling: int) -> Probe:
     return probe_of_spheres("spheres", scene, numerics, closed_forms)
 
 
-def sliding(info: EngineInfo) -> Probe:
+def sliding_sphere(info: EngineInfo) -> Probe:
     """A sphere thrown along the floor in a direction that is no axis: it slows by mu g, and spins up by 5/2 mu g/R across."""
     mu, speed = 0.1, 1.0
     numerics = Numerics(dt=0.002, n_steps=50, sliding="coulomb")
@@ -129,10 +129,10 @@ def sliding(info: EngineInfo) -> Probe:
     return probe_of_spheres("sliding in space", scene, numerics, closed_forms)
 
 
-def told_losses(info: EngineInfo) -> Probe:
+def reported_losses(info: EngineInfo) -> Probe:
     """The same: friction takes mu m g times the slip, which shrinks by 7/2 mu g t."""
     scene = on_floor(law(info, mu=THROWN_MU), resting_overlap(info), v=[THROWN_SPEED * ALONG])
-    return thrown("energy budget in space", lambda numerics: _setup(scene, numerics), 3.5, info)
+    return thrown_loss("energy budget in space", lambda numerics: _setup(scene, numerics), 3.5, info)
 
 
 def elastic_impact() -> Probe:
@@ -161,20 +161,20 @@ def elastic_impact() -> Probe:
     return probe_of_spheres("Hertz impact", scene, numerics, closed_forms)
 
 
-def lifted(unloading: Unloading) -> Probe:
+def lifted_sphere(unloading: Unloading) -> Probe:
     """A sphere so heavy that no contact moves it glides and rises from an overlap to a quarter of it: its shear spring shrinks.
 
     With s the way and a the contact radius, which halves: "none" gives 8 G* a s, "force" the integral of 8 G* a ds, "rescale" 8 G* a
     times a spring that obeys d(s/a) = ds/a. Of 8 G* a_0 s these are 1/2, 7/9 and 1/3.
     """
-    sunk, way, end = 0.01 * R, 1e-4, 0.01
+    sunk, path, end = 0.01 * R, 1e-4, 0.01
     heavy = 1e12
     share = {"none": 1.0 / 2.0, "force": 7.0 / 9.0, "rescale": 1.0 / 3.0}[unloading]
-    velocity = (way * ALONG + 0.75 * sunk * UP) / end
+    velocity = (path * ALONG + 0.75 * sunk * UP) / end
     contact = hertz(g_star=G_STAR, mu=1.0, unloading=unloading)
     scene = on_floor(contact, sunk, gravity=0.0, mass=heavy, v=[velocity])
     numerics = Numerics(dt=end / STEPS, contact_dt=end / STEPS, n_steps=STEPS, sample_from=STEPS)
-    force = share * 8.0 * G_STAR * math.sqrt(R * sunk) * way
+    force = share * 8.0 * G_STAR * math.sqrt(R * sunk) * path
 
     def closed_forms(history: History) -> list[ClosedForm]:
         return [
@@ -186,7 +186,7 @@ def lifted(unloading: Unloading) -> Probe:
     return probe_of_spheres(f"unloading {unloading}", scene, numerics, closed_forms)
 
 
-def twisted(info: EngineInfo, *, spring: bool) -> Probe:
+def twisting_sphere(info: EngineInfo, *, spring: bool) -> Probe:
     """A sphere that spins on the floor about its normal: it slows by 5/2 mu g/R, or swings on a spring for a quarter period."""
     end, omega, mu = 0.1, 1.0, 0.02
     inertia = 0.4 * M * R**2
@@ -212,7 +212,7 @@ def twisted(info: EngineInfo, *, spring: bool) -> Probe:
     return probe_of_spheres(f"twisting resistance {model}", scene, numerics, closed_forms)
 
 
-def sticky(info: EngineInfo, surface: Surface) -> Probe:
+def sticky_sphere(info: EngineInfo, surface: Surface) -> Probe:
     """A sphere at rest on a floor that pulls it: its overlap carries the weight and the pull.
 
     DMT: (4/3) E* a^3/R = m g + 4 pi g R, overlap a^2/R. JKR: (4/3) E* a^3/R - 4 sqrt(pi g E* a^3) = m g, quadratic in a^(3/2), overlap

@@ -15,7 +15,7 @@ from ninedisk.core.scene.cell import Cell
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import round_off_speed, where_observed
+from ninedisk.harness.cases.common import at_observed, round_off_speed
 from ninedisk.references.analytic.assembly.lattice import moduli, sheared, stretched
 
 RADIUS, MASS, KN, KS = 0.5, 1.0, 1e4, 5e3
@@ -159,7 +159,7 @@ class Lattice:
             ]  # fmt: skip
         if not spins:
             energy = COLUMNS * ROWS * _stretched(params, t).energy
-            fed = where_observed(observed, engine, "energy_fed", energy - energy[0])
+            fed = at_observed(observed, engine, "energy_fed", energy - energy[0])
             straight = STRAIN / OVERLAP / (12.0 * steps**2)
             found.append(
                 Check(quantity="energy_fed", norm="max", truth="analytic", expected=fed, source="elastic energy of the contacts",
@@ -168,12 +168,12 @@ class Lattice:
             )  # fmt: skip
         return found + [
             Check(quantity=f"stress_{name}", norm="max", truth=truth,
-                  expected=where_observed(observed, engine, f"stress_{name}", stress[:, a, b]), source=self.source, atol=off, scale=shear,
+                  expected=at_observed(observed, engine, f"stress_{name}", stress[:, a, b]), source=self.source, atol=off, scale=shear,
                   why=why)
             for name, a, b in AXES
         ] + [
             Check(quantity="stress_kinetic", norm="max", truth="analytic",
-                  expected=where_observed(observed, engine, "stress_kinetic", np.zeros_like(t)), source="no disk moves beside the flow",
+                  expected=at_observed(observed, engine, "stress_kinetic", np.zeros_like(t)), source="no disk moves beside the flow",
                   atol=MASS * (place / DURATION) ** 2 / SPACING**2 * 4.0, scale=shear, why="round-off of velocities, squared")
         ]  # fmt: skip
 

@@ -13,7 +13,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.core.scene.cell import Cell
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import where_observed
+from ninedisk.harness.cases.common import at_observed
 
 RADIUS, MASS, KN = 0.5, 1.0, 1e4
 HEIGHT, VELOCITY, SPIN = 1.5, (0.3, -0.2), 0.7
@@ -92,7 +92,7 @@ class OwnImage:
         common: dict[str, Any] = {"norm": "max", "truth": "analytic", "source": self.source}
         stress = {f"stress_{name}": np.full_like(t, size if name == "xx" else 0.0) for name, _, _ in AXES}
         found = [
-            Check(quantity=name, expected=where_observed(observed, engine, name, expected),
+            Check(quantity=name, expected=at_observed(observed, engine, name, expected),
                   atol=rough, scale=size, why="round-off of the gap as a force", **common)
             for name, expected in stress.items()
         ]  # fmt: skip

@@ -16,7 +16,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.core.scene.cell import Cell
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import where_observed
+from ninedisk.harness.cases.common import at_observed
 from ninedisk.references.analytic.assembly.dense_flow import simple_shear
 
 RADIUS, MASS, KN, RATE = 0.5, 1.0, 1e4, 0.5
@@ -159,7 +159,7 @@ class Shear:
         if params["kind"] == "balance":
             found.append(
                 Check(quantity="stress_spin", norm="max", truth="analytic",
-                      expected=where_observed(observed, engine, "stress_spin", np.zeros_like(t)), source="balance of spins",
+                      expected=at_observed(observed, engine, "stress_spin", np.zeros_like(t)), source="balance of spins",
                       atol=n * KN * 64.0 * float(np.spacing(float(np.abs(disks.x).max()))) * t[-1] * 2.0 * RADIUS,
                       scale=float(np.sum(disks.inertia)) * RATE, why="round-off of the forces of six contacts a disk, in each step")
             )  # fmt: skip
@@ -169,7 +169,7 @@ class Shear:
                 kinetic = 0.5 * float(np.sum(disks.mass)) * (RATE * RADIUS) ** 2
                 found.append(
                     Check(quantity="energy", norm="max", truth="analytic",
-                          expected=where_observed(observed, engine, "energy", np.zeros_like(t)), source="smooth springs lose nothing",
+                          expected=at_observed(observed, engine, "energy", np.zeros_like(t)), source="smooth springs lose nothing",
                           atol=phase**2 * kinetic, scale=kinetic, why="a part (omega dt)^2 of what moves beside the flow, second order")
                 )  # fmt: skip
             return found

@@ -204,7 +204,7 @@ def _wave(along: FloatArray, t: FloatArray) -> Wave:
     """By the tops of the velocities of `BEGIN` and `END`, and where that of `END` crosses half its top."""
     if not np.isfinite(along).all():
         return Wave(math.nan, math.nan, math.nan)
-    (first, _), (last, peak) = (_top(along[:, k], t) for k in (BEGIN, END))
+    (first, _), (last, peak) = (_parabola_top(along[:, k], t) for k in (BEGIN, END))
     with np.errstate(divide="ignore", invalid="ignore"):
         speed = float(np.float64(2.0 * RADIUS * (END - BEGIN)) / (last - first))
     above = np.flatnonzero(along[:, END] > 0.5 * peak)
@@ -214,16 +214,18 @@ def _wave(along: FloatArray, t: FloatArray) -> Wave:
     return Wave(
         speed,
         peak,
-        speed * (_crossing(along[:, END], t, down, peak) - _crossing(along[:, END], t, up, peak)) / (2.0 * RADIUS),
+        speed
+        * (_crossing_time(along[:, END], t, down, peak) - _crossing_time(along[:, END], t, up, peak))
+        / (2.0 * RADIUS),
     )
 
 
-def _crossing(v: FloatArray, t: FloatArray, k: int, peak: float) -> float:
+def _crossing_time(v: FloatArray, t: FloatArray, k: int, peak: float) -> float:
     """Time between samples k and k + 1 at half the top."""
     return float(t[k] + (t[k + 1] - t[k]) * (0.5 * peak - v[k]) / (v[k + 1] - v[k]))
 
 
-def _top(v: FloatArray, t: FloatArray) -> tuple[float, float]:
+def _parabola_top(v: FloatArray, t: FloatArray) -> tuple[float, float]:
     """Time and height of the parabola's top through the largest value and its neighbours."""
     k = int(np.clip(np.argmax(v), 1, len(v) - 2))
     a, b, c = (float(each) for each in v[k - 1 : k + 2])

@@ -17,6 +17,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
+    contact_softness,
     contact_step,
     drift_in_flight,
     flight_checks,
@@ -26,7 +27,6 @@ from ninedisk.harness.cases.common import (
     series_and_final,
     single,
     soft_reason,
-    softness,
     whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
@@ -273,7 +273,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         return _by_springs(params, setup, observed)
     dt, t = setup.numerics.dt, observed.t
     e, speed = params["restitution"], params["speed"]
-    atol = speed * (ROUND_OFF + (params["n"] - 1) * (1.0 + e) * softness(engine))
+    atol = speed * (ROUND_OFF + (params["n"] - 1) * (1.0 + e) * contact_softness(engine))
     atol += 2.0 * single(engine, speed, setup.numerics.n_steps)
     why = "impulses at velocity level: round-off" + (" of single precision" if engine.precision == "float32" else "")
     why += soft_reason(engine)

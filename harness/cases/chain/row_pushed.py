@@ -72,7 +72,7 @@ class PushedRow:
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The row along x with the overlaps of its equilibrium."""
         n, kn, dt = params["n"], params["kn"], params["dt"]
-        overlap = _rest(params) / kn
+        overlap = _resting_forces(params) / kn
         if overlap.max() >= RADIUS:
             raise ParameterError(
                 f"kn = {kn:g} N/m is not allowed: the prestress makes overlaps of a radius; use a larger one"
@@ -120,11 +120,11 @@ class PushedRow:
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The chain's motion, continuous in time, of elastic contacts; that of equilibria where the static limit is asked for."""
-        way = params["speed"] * params["dt"] * LOAD_STEPS
-        settled = float(_rest(params)[-1] + static_force(n=params["n"], kn=params["kn"], way=way))
+        wall_path = params["speed"] * params["dt"] * LOAD_STEPS
+        settled = float(_resting_forces(params)[-1] + static_force(n=params["n"], kn=params["kn"], path=wall_path))
         if params["regime"] == "quasi-static":
             pushed = np.minimum(observed.step, LOAD_STEPS) / LOAD_STEPS
-            stop = _rest(params)[-1] + (settled - _rest(params)[-1]) * pushed
+            stop = _resting_forces(params)[-1] + (settled - _resting_forces(params)[-1]) * pushed
         else:
             stop = self._continuous(params, observed.t)[:, -1]
         common: dict[str, Any] = {"scale": settled, "scale_is": "settled force at the stop"}
@@ -143,7 +143,9 @@ class PushedRow:
         across = Check(quantity="across", norm="scalar", truth="analytic", expected=0.0, source="symmetry", atol=1e-15, scale=RADIUS,
                        why="all centres lie on the x axis: no force has a y component")  # fmt: skip
         displacement = params["speed"] * params["dt"] * np.minimum(observed.step, LOAD_STEPS)
-        static = _rest(params) + static_force(n=params["n"], kn=params["kn"], way=1.0) * displacement[:, None]
+        static = (
+            _resting_forces(params) + static_force(n=params["n"], kn=params["kn"], path=1.0) * displacement[:, None]
+        )
         if engine.contact == "cd" and params["regime"] == "quasi-static":
             return [
                 across,
@@ -156,14 +158,14 @@ class PushedRow:
         error, why = _scheme_error(params, setup, engine, float(observed.t[-1]))
         continuous = self._continuous(params, observed.t)
         found += _histories(setup, continuous, "analytic", "modes of the chain, continuous in time", rough + error, why)
-        return found + (_settled(params, setup, static[-1], rough) if params["xi"] > 0.0 else [])
+        return found + (_settled_forces(params, setup, static[-1], rough) if params["xi"] > 0.0 else [])
 
     def _continuous(self, params: Mapping[str, Any], t: FloatArray) -> FloatArray:
         change = chain_forces(
             t, n=params["n"], kn=params["kn"], mass=MASS, xi=params["xi"], v_wall=params["speed"],
             t_wall=LOAD_STEPS * params["dt"],
         )  # fmt: skip
-        return _rest(params) + change
+        return _resting_forces(params) + change
 
 
 def _histories(setup: Setup, forces: FloatArray, truth: TruthKind, source: str, atol: float, why: str) -> list[Check]:
@@ -174,12 +176,14 @@ def _histories(setup: Setup, forces: FloatArray, truth: TruthKind, source: str, 
     ]
 
 
-def _settled(params: Mapping[str, Any], setup: Setup, static: FloatArray, rough: float) -> list[Check]:
+def _settled_forces(params: Mapping[str, Any], setup: Setup, static: FloatArray, rough: float) -> list[Check]:
     """The last forces: statics, and what damping has left of every mode's swing."""
     slowest = float(chain_modes(n=params["n"], kn=params["kn"], mass=MASS).omega[0])
     half = 0.5 * params["xi"]
     decay = half - math.sqrt(max(half**2 - slowest**2, 0.0))
-    left = float(_swings(params).sum()) * math.exp(-decay * (setup.numerics.n_steps - LOAD_STEPS) * params["dt"])
+    left = float(_swing_amplitudes(params).sum()) * math.exp(
+        -decay * (setup.numerics.n_steps - LOAD_STEPS) * params["dt"]
+    )
     return [
         Check(quantity=f"fn_{name}_settled", norm="scalar", truth="analytic", expected=float(force),
               source="prestress + k m g + kn w/(n + 1)", atol=rough + 2.0 * left,
@@ -188,12 +192,12 @@ def _settled(params: Mapping[str, Any], setup: Setup, static: FloatArray, rough:
     ]  # fmt: skip
 
 
-def _rest(params: Mapping[str, Any]) -> FloatArray:
+def _resting_forces(params: Mapping[str, Any]) -> FloatArray:
     """Forces at time 0 [N], shape (n + 1,): each disk hands its weight on to the next contact."""
     return np.asarray(params["prestress"] + MASS * params["g"] * np.arange(params["n"] + 1), dtype=np.float64)
 
 
-def _swings(params: Mapping[str, Any]) -> FloatArray:
+def _swing_amplitudes(params: Mapping[str, Any]) -> FloatArray:
     return mode_forces(n=params["n"], kn=params["kn"], mass=MASS, v_wall=params["speed"])
 
 
@@ -205,13 +209,15 @@ def _exact_steps(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) ->
     }  # fmt: skip
     if engine.scheme == "central-difference":
         change = chain_central(**chain, form=params["damping_form"])
-        return _rest(params) + change[::k], "modes of the chain under central differences"
+        return _resting_forces(params) + change[::k], "modes of the chain under central differences"
     if engine.scheme == "theta" and params["regime"] == "dynamic":
         change = chain_theta(
             **{**chain, "dt": params["dt"], "n_load": LOAD_STEPS, "n_steps": setup.numerics.n_steps},
             theta=params["theta"],
         )
-        return _rest(params) + change, f"modes of the chain under the theta scheme, theta = {params['theta']:g}"
+        return _resting_forces(
+            params
+        ) + change, f"modes of the chain under the theta scheme, theta = {params['theta']:g}"
     return None, ""
 
 
@@ -220,7 +226,7 @@ def _round_off(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> f
     length = 2.0 * RADIUS * params["n"]
     steps = setup.numerics.n_steps * params["substeps"]
     force = params["kn"] * float(np.spacing(length)) * (8.0 + 0.5 * steps)
-    return float(force + (RESIDUAL * _rest(params).max() if engine.contact == "cd" else 0.0))
+    return float(force + (RESIDUAL * _resting_forces(params).max() if engine.contact == "cd" else 0.0))
 
 
 def _scheme_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, t_end: float) -> tuple[float, str]:
@@ -228,7 +234,7 @@ def _scheme_error(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, t
     omegas = chain_modes(n=params["n"], kn=params["kn"], mass=MASS).omega.astype(np.float64)
     remembered = min(t_end, 2.0 / params["xi"]) if params["xi"] > 0.0 else t_end
     total, reason = 0.0, ""
-    for omega, swing in zip(omegas.tolist(), _swings(params).tolist(), strict=True):
+    for omega, swing in zip(omegas.tolist(), _swing_amplitudes(params).tolist(), strict=True):
         of_mode = step_error(params, setup, engine, omega)
         total += swing * float(of_mode.after(np.array(omega * remembered)))
         reason = of_mode.why  # of the fastest mode at last

@@ -14,6 +14,8 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
+    at_observed,
+    contact_softness,
     contact_step,
     numerics_of,
     round_off_speed,
@@ -21,11 +23,9 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
-    where_observed,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.references.analytic.contact.belt import Taken, taken_along
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.references.analytic.contact.belt import BeltMotion, belt_motion
 
 RADIUS, MASS = np.array([0.5, 0.3]), np.array([1.0, 4.0])
 """Of the block, which is a disk that cannot turn, and of the disk."""
@@ -120,7 +120,7 @@ class Belt:
         """Does the belt take both along?"""
         return tuple(
             Headline(name=f"velocity of the {name} on the belt", use="moving-walls", quantity=f"v_{name}",
-                     expected=_taken(observed.t, k).v, source=self.source, scale=SPEED, scale_is="speed of the belt")
+                     expected=_exact_motion(observed.t, k).v, source=self.source, scale=SPEED, scale_is="speed of the belt")
             for k, name in enumerate(NAMES)
         )  # fmt: skip
 
@@ -133,16 +133,16 @@ class Belt:
     ) -> Sequence[Check]:
         """The belt's path, and how bodies follow it."""
         size = 1e-12 + single(engine, SPEED, setup.numerics.n_steps)
-        path = where_observed(observed, engine, "wall_place", _taken(observed.t, 0).belt)
+        path = at_observed(observed, engine, "wall_place", _exact_motion(observed.t, 0).belt)
         found = [
             Check(quantity="wall_place", norm="max", truth="analytic", expected=path, source="prescribed path", atol=size,
                   scale=SPEED, why="round-off" + single_precision(engine))
         ]  # fmt: skip
 
         def followed(setup: Setup, engine: EngineInfo) -> list[Check]:
-            return _followed(setup, observed, engine, self.source)
+            return _observed_motion(setup, observed, engine, self.source)
 
-        return [*found, *allowing(LIFTS, setup, engine, followed)]
+        return [*found, *checks_with_allowance(LIFTS, setup, engine, followed)]
 
 
 def _axes() -> tuple[FloatArray, FloatArray]:
@@ -150,11 +150,11 @@ def _axes() -> tuple[FloatArray, FloatArray]:
     return np.array([math.cos(TILT), math.sin(TILT)]), np.array([-math.sin(TILT), math.cos(TILT)])
 
 
-def _taken(t: FloatArray, k: int) -> Taken:
-    return taken_along(np.nan_to_num(t), segments=SEGMENTS, pull=PULL, ease=EASE[k])
+def _exact_motion(t: FloatArray, k: int) -> BeltMotion:
+    return belt_motion(np.nan_to_num(t), segments=SEGMENTS, pull=PULL, ease=EASE[k])
 
 
-def _followed(setup: Setup, observed: Observed, engine: EngineInfo, source: str) -> list[Check]:
+def _observed_motion(setup: Setup, observed: Observed, engine: EngineInfo, source: str) -> list[Check]:
     """Motion of the bodies.
 
     Where the belt's speed jumps and where a body ceases to slip, friction acts a step too long or too short, and the belt's velocity
@@ -167,11 +167,11 @@ def _followed(setup: Setup, observed: Observed, engine: EngineInfo, source: str)
     for k, name in enumerate(NAMES):
         spring = engine.contact == "spring"
         dt = (numerics.contact_dt or numerics.dt) if spring else numerics.dt
-        s = softness(engine)
+        s = contact_softness(engine)
         rough = single(engine, max(SPEED, GRAVITY * dt), numerics.n_steps)
         speed = 2.0 * PULL * dt + rough + 1e-10 + s * 2.0 * SPEED + EASE[k] * PULL * slack_time(engine, dt)
         # A velocity that is two steps early or late, whose changes at `PULL` are a step too long or too short.
-        way = (
+        travel = (
             2.0 * SPEED / EASE[k] * dt
             + 2.0 * jumps * PULL * dt**2
             + (rough + PULL * slack_time(engine, dt)) * float(t[-1])
@@ -189,9 +189,9 @@ def _followed(setup: Setup, observed: Observed, engine: EngineInfo, source: str)
             lag = PULL / swing**2 * EASE[k] / SPEED
             speed += 2.0 * PULL / swing + PULL * lag + rounding
             # A body that swings when it begins to slip has that much more or less speed to lose, at `PULL`.
-            way += jumps * (4.0 * PULL / swing**2 * EASE[k] + SPEED * lag + SPEED / EASE[k] / swing) + rounding * float(
-                t[-1]
-            )
+            travel += jumps * (
+                4.0 * PULL / swing**2 * EASE[k] + SPEED * lag + SPEED / EASE[k] / swing
+            ) + rounding * float(t[-1])
             why += f"; a shear spring swings with mu g/Omega about the belt's motion, Omega = {swing:.3g}"
         if Difference.KEEPS_KN in engine.differences or spring:
             speed += SPEED * MASS[k] * GRAVITY / (setup.scene.walls[0].law.kn * RADIUS[k])
@@ -200,14 +200,14 @@ def _followed(setup: Setup, observed: Observed, engine: EngineInfo, source: str)
             fall = GRAVITY * numerics.dt
             hop = MU * (2.0 * SPEED + EASE[k] * MU * fall)
             speed += MU * (fall + 2.0 * hop)
-            way += jumps * (SPEED * 2.0 * hop / GRAVITY + MU * (fall + 2.0 * hop) * 2.0 * hop / GRAVITY)
+            travel += jumps * (SPEED * 2.0 * hop / GRAVITY + MU * (fall + 2.0 * hop) * 2.0 * hop / GRAVITY)
             why += "; the associated rule: a sliding body hops by mu times its slip"
-        exact = _taken(t, k)
+        exact = _exact_motion(t, k)
         common: dict[str, Any] = {"truth": "analytic", "source": source, "why": why}
         found += [
             Check(quantity=f"v_{name}", norm="max", expected=exact.v, atol=speed, scale=SPEED, **common),
-            Check(quantity=f"x_{name}", norm="max", expected=exact.x, atol=way, **common),
-            Check(quantity=f"x_{name}_final", norm="scalar", expected=float(exact.x[-1]), atol=way, scale=SPEED, **common),
+            Check(quantity=f"x_{name}", norm="max", expected=exact.x, atol=travel, **common),
+            Check(quantity=f"x_{name}_final", norm="scalar", expected=float(exact.x[-1]), atol=travel, scale=SPEED, **common),
         ]  # fmt: skip
         if EASE[k] > 1.0:
             spin = (EASE[k] - 1.0) / RADIUS[k]

@@ -185,7 +185,7 @@ def cluster(arrangement: str, blocked: bool = False) -> Cluster:
         first = np.array([low[0], low[0]])
         reach = radius[0] + radius[1] - OVERLAP
         second = np.array([first[0] + math.sqrt(reach**2 - (low[0] - low[1]) ** 2), low[1]])
-        x = np.array([first, second, _upon(first, second, radius)])
+        x = np.array([first, second, _top_centre(first, second, radius)])
         walls = {
             "floor": ((0.0, 0.0), (0.0, 1.0)),
             "left": ((0.0, 0.0), (1.0, 0.0)),
@@ -210,7 +210,7 @@ def cluster(arrangement: str, blocked: bool = False) -> Cluster:
     return Cluster(np.vstack([[0.0, 0.0], ring]), radius, mass, np.full(n, 0.5), (True,) * n, {}, beta)
 
 
-def _upon(a: FloatArray, b: FloatArray, radius: FloatArray) -> FloatArray:
+def _top_centre(a: FloatArray, b: FloatArray, radius: FloatArray) -> FloatArray:
     """Centre of the third disk, which lies upon the two others."""
     one, two = radius[0] + radius[2] - OVERLAP, radius[1] + radius[2] - OVERLAP
     apart = float(np.hypot(*(b - a)))
@@ -235,11 +235,13 @@ def start(given: Cluster) -> FloatArray:
 def _pairs(given: Cluster) -> list[tuple[int, int]]:
     """All pairs in contact."""
     n = len(given.x)
-    found = [(i, j) for i in range(n) for j in range(i + 1, n) if _gap(given, i, j) < 0.0]
-    return found + [(i, n + k) for k in range(len(given.walls)) for i in range(n) if _gap(given, i, n + k) < 0.0]
+    found = [(i, j) for i in range(n) for j in range(i + 1, n) if _gap_of_pair(given, i, j) < 0.0]
+    return found + [
+        (i, n + k) for k in range(len(given.walls)) for i in range(n) if _gap_of_pair(given, i, n + k) < 0.0
+    ]
 
 
-def _gap(given: Cluster, i: int, j: int) -> float:
+def _gap_of_pair(given: Cluster, i: int, j: int) -> float:
     n = len(given.x)
     if j < n:
         return float(np.hypot(*(given.x[j] - given.x[i])) - given.radius[i] - given.radius[j])
@@ -264,11 +266,11 @@ def touches(given: Cluster) -> list[Touch]:
     for i, j in _pairs(given):
         if j < n:
             nx, ny = (given.x[j] - given.x[i]) / np.hypot(*(given.x[j] - given.x[i]))
-            found.append(Touch(i, j, (nx, ny), -_gap(given, i, j), KN, KS, given.beta))
+            found.append(Touch(i, j, (nx, ny), -_gap_of_pair(given, i, j), KN, KS, given.beta))
         else:
             name = list(given.walls)[j - n]
             nx, ny = given.walls[name][1]
-            found.append(Touch(i, -1, (-nx, -ny), -_gap(given, i, j), *WALL_LAWS[name]))
+            found.append(Touch(i, -1, (-nx, -ny), -_gap_of_pair(given, i, j), *WALL_LAWS[name]))
     return found
 
 

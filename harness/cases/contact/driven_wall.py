@@ -14,6 +14,8 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     around_contact,
+    at_observed,
+    contact_softness,
     contact_step,
     numerics_of,
     round_off_speed,
@@ -21,8 +23,6 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
-    where_observed,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.cases.impact.held_disk import impact_error
@@ -93,7 +93,7 @@ class DrivenWall:
             gravity=(0.0, -GRAVITY if shakes else 0.0),
             initial_shear={PAIR: -MASS * AMPLITUDE * FREQUENCY**2} if shakes else {},
         )
-        until = 2.0 * math.pi / FREQUENCY if shakes else _struck().time + AFTER
+        until = 2.0 * math.pi / FREQUENCY if shakes else _struck_disk().time + AFTER
         numerics = numerics_of(
             params,
             n_steps=math.ceil(until / dt),
@@ -104,9 +104,9 @@ class DrivenWall:
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
         """Way and velocity of the disk, forces on it, and the wall as the engine tells it."""
         normal = np.column_stack([np.cos(history.wall_angle[:, 0]), np.sin(history.wall_angle[:, 0])])
-        way = history.x[:, 0] - setup.scene.disks.x[0]
+        travel = history.x[:, 0] - setup.scene.disks.x[0]
         series = {
-            "x": ("m", way[:, 0]),
+            "x": ("m", travel[:, 0]),
             "vx": ("m/s", history.v[:, 0, 0]),
             "wall_place": ("m", (history.wall_point[:, 0] * normal).sum(axis=1)),
             "wall_angle": ("rad", history.wall_angle[:, 0]),
@@ -120,11 +120,11 @@ class DrivenWall:
             }
         else:
             series |= {
-                "y": ("m", way[:, 1]),
+                "y": ("m", travel[:, 1]),
                 "vy": ("m/s", history.v[:, 0, 1]),
                 "spin": ("rad/s", history.omega[:, 0]),
             }
-            struck = np.flatnonzero(history.v[:, 0, 1] > 0.5 * _struck().velocity[1])
+            struck = np.flatnonzero(history.v[:, 0, 1] > 0.5 * _struck_disk().velocity[1])
             scalars = {
                 "vx_final": ("m/s", float(history.v[-1, 0, 0])),
                 "vy_final": ("m/s", float(history.v[-1, 0, 1])),
@@ -136,12 +136,12 @@ class DrivenWall:
         """Does the wall take the disk along?"""
         if params["motion"] == "shake":
             return (
-                Headline(name="motion that the wall gives", use="moving-walls", quantity="x", expected=_carried(observed).x,
+                Headline(name="motion that the wall gives", use="moving-walls", quantity="x", expected=_carried_disk(observed).x,
                          source="the floor's own path", scale=2.0 * AMPLITUDE, scale_is="stroke of the floor"),
             )  # fmt: skip
-        speed = math.hypot(*_struck().velocity)
+        speed = math.hypot(*_struck_disk().velocity)
         return (
-            Headline(name="motion that the wall gives", use="moving-walls", quantity="vy_final", expected=_struck().velocity[1],
+            Headline(name="motion that the wall gives", use="moving-walls", quantity="vy_final", expected=_struck_disk().velocity[1],
                      source=self.source, scale=speed, scale_is="speed of the disk"),
         )  # fmt: skip
 
@@ -152,19 +152,19 @@ class DrivenWall:
         shakes, t = params["motion"] == "shake", observed.t
         path = {"wall_place": np.zeros_like(t), "wall_angle": np.full_like(t, 0.5 * math.pi)}
         if shakes:
-            path["wall_x"] = SURFACE[0] + _carried(observed).x
+            path["wall_x"] = SURFACE[0] + _carried_disk(observed).x
         else:
             path["wall_angle"] = path["wall_angle"] + RATE * t
         size = 1e-12 + single(engine, 4.0, setup.numerics.n_steps)
         found = [
-            Check(quantity=name, norm="max", truth="analytic", expected=where_observed(observed, engine, name, curve),
+            Check(quantity=name, norm="max", truth="analytic", expected=at_observed(observed, engine, name, curve),
                   source="prescribed path", atol=size, scale=AMPLITUDE, why="round-off" + single_precision(engine))
             for name, curve in path.items()
         ]  # fmt: skip
-        return [*found, *(_shaken if shakes else _turned)(setup, observed, engine)]
+        return [*found, *(_shaken_block if shakes else _turned_wall)(setup, observed, engine)]
 
 
-def _shaken(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+def _shaken_block(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
     """A block that sticks.
 
     An engine takes the wall's velocity at either end of its step or the mean over it, and adds it to the position at once or a
@@ -175,7 +175,7 @@ def _shaken(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
     dt = (setup.numerics.contact_dt or setup.numerics.dt) if engine.contact == "spring" else setup.numerics.dt
     t, weight = observed.t, MASS * GRAVITY
     top, rate, pull = AMPLITUDE, AMPLITUDE * FREQUENCY, AMPLITUDE * FREQUENCY**2
-    curve, s = _carried(observed), softness(engine)
+    curve, s = _carried_disk(observed), contact_softness(engine)
     rough = single(engine, max(rate, GRAVITY * setup.numerics.dt), setup.numerics.n_steps)
     atol = {
         "x": 2.0 * rate * dt
@@ -206,9 +206,9 @@ def _shaken(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
     ]  # fmt: skip
 
 
-def _turned(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
+def _turned_wall(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
     """An impact somewhere in a step: the wall's direction is that of some time within two steps, its lever likewise."""
-    struck, numerics = _struck(), setup.numerics
+    struck, numerics = _struck_disk(), setup.numerics
     speed, law = math.hypot(*struck.velocity), setup.scene.walls[0].law
     turn = RATE * 2.0 * numerics.dt * (1.0 + math.hypot(*PLACE) / PLACE[0])
     lasts = contact_duration(kn=law.kn, m_eff=MASS, beta=law.beta)
@@ -227,10 +227,10 @@ def _turned(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
               atol=off, scale=speed, why=found[0].why)
         for name, value in zip(("vx", "vy"), struck.velocity, strict=True)
     ]  # fmt: skip
-    way, flown = 2.0 * numerics.dt * speed, float(t[-1] - struck.time)
+    travel, flown = 2.0 * numerics.dt * speed, float(t[-1] - struck.time)
     found += [
         Check(quantity=name, norm="max", truth="analytic", expected=np.maximum(t - struck.time, 0.0) * value,
-              source="flight after the impact", atol=way + off * flown, scale=speed * flown, why="two steps' way; " + found[0].why)
+              source="flight after the impact", atol=travel + off * flown, scale=speed * flown, why="two steps' way; " + found[0].why)
         for name, value in zip(("x", "y"), struck.velocity, strict=True)
     ]  # fmt: skip
     found.append(
@@ -244,11 +244,11 @@ def _turned(setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]
     return found
 
 
-def _struck() -> Struck:
+def _struck_disk() -> Struck:
     return struck_by_turning_wall(place=PLACE, radius=RADIUS, rate=RATE, restitution=RESTITUTION)
 
 
-def _carried(observed: Observed) -> Carried:
+def _carried_disk(observed: Observed) -> Carried:
     return carried(observed.t, amplitude=AMPLITUDE, frequency=FREQUENCY)
 
 

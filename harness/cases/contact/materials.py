@@ -13,6 +13,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
+    contact_softness,
     contact_step,
     numerics_of,
     phase_error,
@@ -21,7 +22,6 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
     whole_steps,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
@@ -171,7 +171,7 @@ class Materials:
                 ]  # fmt: skip
         for pair, e, part in PAIRS:
             phase = math.sqrt(2.0 * part * kn / MASS) * h
-            off = phase_error(phase, beta_for(e)) * e if spring else (1.0 + e) * softness(engine)
+            off = phase_error(phase, beta_for(e)) * e if spring else (1.0 + e) * contact_softness(engine)
             atol = (off + 1e-9) * 2.0 * SPEED + 2.0 * single(engine, 2.0 * SPEED, numerics.n_steps)
             why = (
                 "impulse of one step"

@@ -24,7 +24,7 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import where_observed
+from ninedisk.harness.cases.common import at_observed
 from ninedisk.harness.cases.nine_disk.scene import DAMPING_FORM, NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.contact.driven_contact import shaken_contact
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, contact_history
@@ -102,7 +102,7 @@ class MovingWall:
             damping_form=params["damping_form"],
             **cd_settings(params),
         )
-        if not pushed and _swing(params) >= MASS * GRAVITY:
+        if not pushed and _force_swing(params) >= MASS * GRAVITY:
             raise ParameterError(
                 f"kn = {params['kn']:g} N/m is not allowed: the shaken disk would lift; use a stiffer contact, "
                 f"whose frequency is further above {FREQUENCY:g} rad/s"
@@ -155,18 +155,20 @@ class MovingWall:
         place, _ = _wall(params, t)
         common = {"norm": "max", "truth": "analytic", "source": "prescribed path", "why": "round-off"}
         for name, curve in (("wall_place", place), ("wall_angle", np.full_like(t, 0.5 * math.pi))):
-            expected = where_observed(observed, engine, name, curve[observed.step])
+            expected = at_observed(observed, engine, name, curve[observed.step])
             found.append(Check(quantity=name, expected=expected, atol=1e-14, **common))  # type: ignore[arg-type]
         exact = engine.scheme == "central-difference" and params["damping_form"] == "central"
         if exact and (params["beta"] == 0.0 or engine.second_order_dashpots):
-            found += _compared(params, observed, engine, _stepped(params, t, normal_contact_central), "exact-step", 0.0)
+            found += _curve_checks(
+                params, observed, engine, _stepped(params, t, normal_contact_central), "exact-step", 0.0
+            )
         elif engine.scheme == "theta":
             steps = partial(normal_contact_theta, theta=params["theta"])
-            found += _compared(params, observed, engine, _stepped(params, t, steps), "exact-step", 0.0)
+            found += _curve_checks(params, observed, engine, _stepped(params, t, steps), "exact-step", 0.0)
         continuous, relative = _continuous(params, t), _relative(params, engine)
-        found += _compared(params, observed, engine, continuous, "analytic", relative)
+        found += _curve_checks(params, observed, engine, continuous, "analytic", relative)
         final = float(continuous["vy"][-1])
-        return [*found, _leaves(params, final, relative)] if params["motion"] == "push" else found
+        return [*found, _leaves_wall(params, final, relative)] if params["motion"] == "push" else found
 
 
 def _omega(params: Mapping[str, Any]) -> float:
@@ -185,7 +187,7 @@ def _wall(params: Mapping[str, Any], t: FloatArray) -> tuple[FloatArray, FloatAr
     return AMPLITUDE * (np.sin(angle) - math.sin(PHASE)), AMPLITUDE * FREQUENCY * np.cos(angle)
 
 
-def _swing(params: Mapping[str, Any]) -> float:
+def _force_swing(params: Mapping[str, Any]) -> float:
     """Largest deviation of the force from its mean value [N]."""
     if params["motion"] == "push":
         return MASS * _omega(params) * PUSH_SPEED * (1.0 + 2.0 * float(params["beta"]))
@@ -260,15 +262,15 @@ def _relative(params: Mapping[str, Any], engine: EngineInfo) -> float:
     return float(min(per_radian * radians + offset + 2.0 * beta * phase, 2.0))
 
 
-def _compared(
+def _curve_checks(
     params: Mapping[str, Any], observed: Observed, engine: EngineInfo, curves: Mapping[str, FloatArray],
     truth: TruthKind, relative: float,
 ) -> list[Check]:  # fmt: skip
     """Checks of all curves that the engine tells; ``relative`` is 0 for exact steps."""
     omega, steps, dt = _omega(params), params["steps"], params["dt"]
     rounding = float(np.spacing(2.0 * RADIUS)) * (8.0 + steps)
-    force = relative * _swing(params) + params["kn"] * rounding
-    speed = relative * _swing(params) / (MASS * omega) + omega * rounding
+    force = relative * _force_swing(params) + params["kn"] * rounding
+    speed = relative * _force_swing(params) / (MASS * omega) + omega * rounding
     # After the impact the disk flies on with the speed that it has.
     place = force / params["kn"] + (speed * steps * dt if params["motion"] == "push" else 0.0)
     largest = float(np.nanmax(np.abs(curves["vy"])))
@@ -287,7 +289,7 @@ def _compared(
         source = "impact seen from the wall" if params["motion"] == "push" else "driven oscillator"
     return [
         Check(
-            quantity=name, norm="max", truth=truth, expected=where_observed(observed, engine, name, curve[observed.step]),
+            quantity=name, norm="max", truth=truth, expected=at_observed(observed, engine, name, curve[observed.step]),
             source=source, atol=atol[name], why=why,
         )
         for name, curve in curves.items()
@@ -295,7 +297,7 @@ def _compared(
     ]  # fmt: skip
 
 
-def _leaves(params: Mapping[str, Any], final: float, relative: float) -> Check:
+def _leaves_wall(params: Mapping[str, Any], final: float, relative: float) -> Check:
     return Check(
         quantity="vy_final", norm="scalar", truth="analytic", expected=final, source="(1 + e) of the wall's speed",
         atol=PUSH_SPEED * (1.0 + 2.0 * params["beta"]) * relative,

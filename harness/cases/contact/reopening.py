@@ -25,7 +25,7 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import where_observed
+from ninedisk.harness.cases.common import at_observed
 from ninedisk.harness.cases.differences import FINDING_WORDS
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.contact.driven_contact import shuttle
@@ -74,7 +74,7 @@ class Reopening:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Disks on the y axis; the rough contact lies in the origin, smooth walls beyond."""
-        speed, dt, gap, way = params["speed"], params["dt"], *_room(params)
+        speed, dt, gap, path = params["speed"], params["dt"], *_plane_distances(params)
         if _omega(params, first=True) * dt > 0.2:
             raise ParameterError(
                 f"dt = {dt:g} s is not allowed: a contact must last many steps; use at most {0.2 / _omega(params, first=True):g} s"
@@ -86,7 +86,7 @@ class Reopening:
         )  # fmt: skip
         smooth = ContactLaw(kn=params["kn"])
         # The disk's lower side starts at gap and turns back where its upper side has gone way beyond the contact.
-        height, top = RADIUS + gap, 2.0 * RADIUS + way
+        height, top = RADIUS + gap, 2.0 * RADIUS + path
         disks: dict[str, Any] = {"radius": RADIUS, "mass": MASS}
         ceiling = Wall(name="ceiling", point=(0.0, top), normal=(0.0, -1.0), law=smooth)
         if params["pair"] == "disks":
@@ -99,9 +99,9 @@ class Reopening:
             labels = {"rough": (0, 1), "smooth": (0, 2)}
         scene = Scene(disks=Disks(**disks), disk_disk=rough, walls=walls)
         # Until the disk is on its way from the second contact.
-        lasts = 2.0 * (math.pi / _omega(params, first=True) + way / speed) + math.pi / _omega(params, first=False)
+        lasts = 2.0 * (math.pi / _omega(params, first=True) + path / speed) + math.pi / _omega(params, first=False)
         numerics = Numerics(
-            dt=dt, n_steps=math.ceil((lasts + (gap + 0.5 * way) / speed) / dt), contact_dt=dt, **cd_settings(params)
+            dt=dt, n_steps=math.ceil((lasts + (gap + 0.5 * path) / speed) / dt), contact_dt=dt, **cd_settings(params)
         )
         return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
 
@@ -133,13 +133,13 @@ class Reopening:
         depth = (2.0 if params["pair"] == "disks" else 1.0) * params["speed"] / _omega(params, first=True)
         # Half a sine has the mean 2/pi.
         slips = abs(float(_slip(params, np.array([2.0 * depth / math.pi]))[0])) * lasts
-        way, scale_is = (
+        path, scale_is = (
             (slips, "slip in a contact") if slips else (params["speed"] * lasts, "distance in a contact's time")
         )
         ks = params["ks_over_kn"] * params["kn"]
         return (
             Headline(name="largest shear force", use="impacts", quantity="fs_largest", expected=ks * slips,
-                     source="slip of one contact, from nothing", scale=ks * way, scale_is=f"ks times the {scale_is}"),
+                     source="slip of one contact, from nothing", scale=ks * path, scale_is=f"ks times the {scale_is}"),
             Headline(name="normal force", use="impacts", quantity="fn", expected=fn, source="half sines between uniform flights",
                      scale=float(fn.max()), scale_is="largest normal force"),
         )  # fmt: skip
@@ -152,17 +152,17 @@ class Reopening:
             return []
         found: list[Check] = []
         if engine.scheme == "central-difference":
-            found += _compared(params, setup, observed, engine, _stepped(params, setup), "exact-step", 0.0)
+            found += _curve_checks(params, setup, observed, engine, _stepped(params, setup), "exact-step", 0.0)
         phase = _omega(params, first=True) * setup.numerics.dt
         relative = phase**2 if engine.scheme == "central-difference" else phase
         truth = _continuous(params, setup, relative)
-        return [*found, *_compared(params, setup, observed, engine, truth, "analytic", relative)]
+        return [*found, *_curve_checks(params, setup, observed, engine, truth, "analytic", relative)]
 
 
-def _room(params: Mapping[str, Any]) -> tuple[float, float]:
+def _plane_distances(params: Mapping[str, Any]) -> tuple[float, float]:
     """Distance to the rough contact at time 0 and to the smooth plane from there [m]: as far as a contact's time takes it."""
-    way = params["speed"] * math.pi / _omega(params, first=True)
-    return 0.613 * way, way
+    path = params["speed"] * math.pi / _omega(params, first=True)
+    return 0.613 * path, path
 
 
 def _omega(params: Mapping[str, Any], *, first: bool) -> float:
@@ -188,7 +188,7 @@ def _curves(
 ) -> dict[str, FloatArray]:
     """Quantities by the place of the disk beyond the rough plane [m]."""
     pair = params["pair"] == "disks"
-    depth, far = (2.0 if pair else 1.0) * place, -place - _room(params)[1]
+    depth, far = (2.0 if pair else 1.0) * place, -place - _plane_distances(params)[1]
     fn, fn_smooth = params["kn"] * np.maximum(depth, 0.0), params["kn"] * np.maximum(far, 0.0)
     disks = 2.0 if pair else 1.0
     spinning = 0.5 * (0.5 * MASS * RADIUS**2) * sum(spin**2 for spin in _spins(params))
@@ -206,10 +206,10 @@ def _curves(
 
 def _stepped(params: Mapping[str, Any], setup: Setup) -> dict[str, FloatArray]:
     """Central differences: in each step the shear force changes by the whole step's slip, and nothing is left of it while open."""
-    (gap, way), numerics = _room(params), setup.numerics
+    (gap, path), numerics = _plane_distances(params), setup.numerics
     rest = np.zeros(numerics.n_steps + 1)
     twice = 2.0 if params["pair"] == "disks" else 1.0
-    planes = (Plane(1, rest, rest, twice * params["kn"]), Plane(-1, rest + way, rest, params["kn"]))
+    planes = (Plane(1, rest, rest, twice * params["kn"]), Plane(-1, rest + path, rest, params["kn"]))
     steps = normal_contact_central(
         planes, mass=MASS, g=0.0, y=gap, vy=-params["speed"], dt=numerics.dt, n_steps=numerics.n_steps
     )
@@ -223,11 +223,11 @@ def _stepped(params: Mapping[str, Any], setup: Setup) -> dict[str, FloatArray]:
 
 
 def _continuous(params: Mapping[str, Any], setup: Setup, relative: float) -> dict[str, FloatArray]:
-    (gap, way), numerics = _room(params), setup.numerics
+    (gap, path), numerics = _plane_distances(params), setup.numerics
     t = np.arange(numerics.n_steps + 1) * numerics.dt
     omega = _omega(params, first=True)
     found = shuttle(
-        t, speed=params["speed"], gap=gap, way=way, omega_first=omega, omega_second=_omega(params, first=False)
+        t, speed=params["speed"], gap=gap, path=path, omega_first=omega, omega_second=_omega(params, first=False)
     )
     closed = np.nan_to_num(found.age)
     # The slip of the shorter arm by the integral of the overlap, half a sine.
@@ -236,12 +236,12 @@ def _continuous(params: Mapping[str, Any], setup: Setup, relative: float) -> dic
     fs = -params["ks_over_kn"] * params["kn"] * _slip(params, mean) * closed
     curves = _curves(params, found.place, found.velocity, fs)
     # Where a contact ends its shear force falls to nothing: a sample as near to that as contacts may be late says nothing.
-    near = np.abs(t[:, None] - found.changes).min(axis=1) <= _late(params, setup, relative) + 1.5 * numerics.dt
+    near = np.abs(t[:, None] - found.changes).min(axis=1) <= _delay(params, setup, relative) + 1.5 * numerics.dt
     curves["fs"] = np.where(near, np.nan, fs)
     return curves
 
 
-def _late(params: Mapping[str, Any], setup: Setup, relative: float) -> float:
+def _delay(params: Mapping[str, Any], setup: Setup, relative: float) -> float:
     """Time [s] by which a contact may begin or end late.
 
     ``relative`` is the part by which a scheme's step changes a contact's length and the speed after it, and so the length of the
@@ -264,13 +264,13 @@ def _ramp_error(params: Mapping[str, Any], engine: EngineInfo) -> float:
     return shear + 2.0 * float(params["speed"]) / _omega(params, first=True) / RADIUS
 
 
-def _compared(
+def _curve_checks(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo,
     curves: Mapping[str, FloatArray], truth: TruthKind, relative: float,
 ) -> list[Check]:  # fmt: skip
-    """Checks of all curves that the engine tells; ``relative`` as for `_late`, 0 for exact steps."""
+    """Checks of all curves that the engine tells; ``relative`` as for `_delay`, 0 for exact steps."""
     speed, omega, dt = params["speed"], _omega(params, first=True), setup.numerics.dt
-    late, slipping = _late(params, setup, relative), _ramp_error(params, engine)
+    late, slipping = _delay(params, setup, relative), _ramp_error(params, engine)
     rounding = float(np.spacing(2.0 * RADIUS)) * (8.0 + setup.numerics.n_steps)
     deepest, slow = speed / omega, 2.0 * relative
     of_place = 2.0 * (speed * late + slow * deepest + rounding)
@@ -300,7 +300,7 @@ def _compared(
     for name, curve in expected.items():
         if atol[name] >= float(np.nanmax(np.abs(curve))):
             continue  # a bound beyond the quantity itself would let anything pass
-        shown = where_observed(observed, engine, name, curve[observed.step])
+        shown = at_observed(observed, engine, name, curve[observed.step])
         opens = name == "fs" and params["pair"] == "disks"
         kept = None
         if opens and Difference.KEEPS_OPENED_SHEAR in engine.differences:

@@ -15,7 +15,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, ParameterError, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.differences import allowing, excused
+from ninedisk.harness.cases.differences import checks_with_allowance, excused_checks
 from ninedisk.harness.cases.matched import slip_of
 from ninedisk.harness.cases.nine_disk.scene import NINE_DISK_CD, cd_settings
 from ninedisk.references.analytic.contact.retraced_loop import (
@@ -164,11 +164,11 @@ class RetracedLoop:
         shear = history.fs[:, 0] / KN
         if params["kind"] == "pair":
             start = setup.scene.disks.x
-            way = (history.x[:, 0, 0] - start[0, 0]) - (history.x[:, 1, 0] - start[1, 0])
+            travel = (history.x[:, 0, 0] - start[0, 0]) - (history.x[:, 1, 0] - start[1, 0])
         else:
-            way = float(params["amplitude"]) * _part(history.t)
-        astray = shear - _path(params, way, mid=_mid(params))
-        series = {"shear": ("m", shear), "astray": ("m", astray), "way": ("m", way)}
+            travel = float(params["amplitude"]) * _path_fraction(history.t)
+        astray = shear - _path(params, travel, mid=_mid_overlap(params))
+        series = {"shear": ("m", shear), "astray": ("m", astray), "way": ("m", travel)}
         drift = float(astray[-1]) / (params["cycles"] * params["amplitude"])
         return Observed(step=history.step, t=history.t, series=series, scalars={"drift": ("-", drift)})
 
@@ -189,7 +189,7 @@ class RetracedLoop:
         """
         if params["regime"] == "quasi-static":
             return []
-        return allowing(
+        return checks_with_allowance(
             Difference.FIXED_WALL_SHEAR,
             setup,
             engine,
@@ -198,9 +198,9 @@ class RetracedLoop:
 
     def _checks(self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
         count = round(PERIOD / (setup.numerics.contact_dt or PERIOD / params["steps"]))
-        place, mid = _place(params, engine), _mid(params, engine)
+        place, mid = _place(params, engine), _mid_overlap(params, engine)
         stepped = _stepped(params, count, place, mid=mid)
-        growth, _, turned = _turning(params, engine, count, stepped)
+        growth, _, turned = _turning_error(params, engine, count, stepped)
         rounding = _rounding(params, engine, count)
         why = "round-off of coordinates, added up" + turned
         found = []
@@ -217,15 +217,15 @@ class RetracedLoop:
         if place == "end" and params["slip_at"] == "middle":
             # The scene asks for the middle, and the engine has the end of a step alone.
             right = self._along_path(params, observed, engine, count, "middle")
-            return [*found, *excused(right, wide, f"{engine.id}/ratchet")]
+            return [*found, *excused_checks(right, wide, f"{engine.id}/ratchet")]
         return [*found, *wide]
 
     def _along_path(
         self, params: Mapping[str, Any], observed: Observed, engine: EngineInfo, count: int, place: SlipAt
     ) -> list[Check]:
         """Against the line integral of slip, for an engine that measures slip at ``place``."""
-        mid = _mid(params, engine)
-        growth, remains, turned = _turning(params, engine, count, _stepped(params, count, place, mid=mid))
+        mid = _mid_overlap(params, engine)
+        growth, remains, turned = _turning_error(params, engine, count, _stepped(params, count, place, mid=mid))
         rounding = _rounding(params, engine, count)
         why = "round-off of coordinates, added up" + turned
         within, drift, left = _midpoint(params, count), 0.0, _unfinished(params, count)
@@ -242,8 +242,8 @@ class RetracedLoop:
             first += ", and one step's error of first order, which the next step mends"
         cycles, path = float(params["cycles"]), "line integral of slip along the path: 0 after a cycle"
         # An engine that feels a wall in another place has another integral within a cycle.
-        way = float(params["amplitude"]) * _part(observed.t)
-        other = _path(params, way, mid=mid) - _path(params, way, mid=_mid(params))
+        travel = float(params["amplitude"]) * _path_fraction(observed.t)
+        other = _path(params, travel, mid=mid) - _path(params, travel, mid=_mid_overlap(params))
         return [
             Check(
                 quantity="astray", norm="max", truth="analytic", expected=other, source=path,
@@ -258,11 +258,11 @@ class RetracedLoop:
 
 
 def predicted_drift(params: Mapping[str, Any], count: int, *, mid: bool) -> float:
-    """What slip of the step's end adds to fs/ks per cycle of ``count`` steps, to first order [m]; ``mid`` as for `_mid`."""
+    """What slip of the step's end adds to fs/ks per cycle of ``count`` steps, to first order [m]; ``mid`` as for `_mid_overlap`."""
     amplitude, dt = float(params["amplitude"]), PERIOD / count
     if params["kind"] == "pair":
         return passing_drift(amplitude=amplitude, frequency=FREQUENCY, ahead=AHEAD, aside=ASIDE, dt=dt)
-    return turning_wall_drift(way=amplitude, angle=_angle(params), period=PERIOD, dt=dt, mid_overlap=mid)
+    return turning_wall_drift(path=amplitude, angle=_angle(params), period=PERIOD, dt=dt, mid_overlap=mid)
 
 
 def _angle(params: Mapping[str, Any]) -> float:
@@ -270,7 +270,7 @@ def _angle(params: Mapping[str, Any]) -> float:
     return float(params["amplitude"]) / RADIUS
 
 
-def _mid(params: Mapping[str, Any], engine: EngineInfo | None = None) -> bool:
+def _mid_overlap(params: Mapping[str, Any], engine: EngineInfo | None = None) -> bool:
     """Whether walls are felt in the middle of the overlap: as the scene asks for it, or as an engine without that arm has it."""
     arms = LEVER_ARMS["radius"], LEVER_ARMS["overlap"]
     asked = arms[params["arm"] == "overlap"]
@@ -280,22 +280,22 @@ def _mid(params: Mapping[str, Any], engine: EngineInfo | None = None) -> bool:
     return asked is arms[1] if asked in known else arms[1] in known
 
 
-def _part(t: FloatArray) -> FloatArray:
+def _path_fraction(t: FloatArray) -> FloatArray:
     """Part of its way that the wall has gone: to 1 in half a period, and back."""
     at = np.mod(t / (0.5 * PERIOD), 2.0)
     return np.asarray(np.minimum(at, 2.0 - at))
 
 
-def _path(params: Mapping[str, Any], way: FloatArray, *, mid: bool) -> FloatArray:
+def _path(params: Mapping[str, Any], travel: FloatArray, *, mid: bool) -> FloatArray:
     """fs/ks [m] by the place on the path."""
     if params["kind"] == "pair":
-        shear = np.full_like(way, np.nan)
-        known = np.isfinite(way)  # a history without numbers tells which checks there are
-        shear[known] = passing_shear(way[known], ahead=AHEAD, aside=ASIDE)
+        shear = np.full_like(travel, np.nan)
+        known = np.isfinite(travel)  # a history without numbers tells which checks there are
+        shear[known] = passing_shear(travel[known], ahead=AHEAD, aside=ASIDE)
         return shear
     amplitude = float(params["amplitude"])
     return turning_wall_shear(
-        way / amplitude, radius=RADIUS, overlap=SUNK, way=amplitude, angle=_angle(params), mid_overlap=mid
+        travel / amplitude, radius=RADIUS, overlap=SUNK, path=amplitude, angle=_angle(params), mid_overlap=mid
     )
 
 
@@ -310,8 +310,8 @@ def _place(params: Mapping[str, Any], engine: EngineInfo) -> SlipAt:
 def _centres(params: Mapping[str, Any], count: int) -> FloatArray:
     """``x_j - x_i`` [m] of the pair at every step of central differences."""
     speed, dt = params["amplitude"] * FREQUENCY, PERIOD / count
-    way = oscillation_central(frequency=FREQUENCY, speed=speed, dt=dt, n_steps=count * int(params["cycles"]))
-    return np.column_stack([AHEAD - way, np.full_like(way, ASIDE)])
+    travel = oscillation_central(frequency=FREQUENCY, speed=speed, dt=dt, n_steps=count * int(params["cycles"]))
+    return np.column_stack([AHEAD - travel, np.full_like(travel, ASIDE)])
 
 
 def _stepped(params: Mapping[str, Any], count: int, place: str, *, mid: bool) -> FloatArray:
@@ -319,18 +319,18 @@ def _stepped(params: Mapping[str, Any], count: int, place: str, *, mid: bool) ->
     if params["kind"] == "pair":
         return pair_shear(_centres(params, count), slip_at=place)
     return turning_wall_steps(
-        radius=RADIUS, overlap=SUNK, way=params["amplitude"], angle=_angle(params), half=count // 2,
+        radius=RADIUS, overlap=SUNK, path=params["amplitude"], angle=_angle(params), half=count // 2,
         cycles=params["cycles"], mid_overlap=mid, slip_at=place,
     )  # fmt: skip
 
 
-def _turning(
+def _turning_error(
     params: Mapping[str, Any], engine: EngineInfo, count: int, stepped: FloatArray
 ) -> tuple[float, float, str]:
     """What an engine's way of turning shear forces makes of fs/ks at most and what of that remains after the run [m], and its words.
 
     To first order a force changes by half the square of the rotation of each step, of its value then. Along fixed axes a wall's shear
-    force gains fn times the rotation: up to the largest overlap times the angle, of which a sum of ends leaves ``dt phi' way`` a cycle.
+    force gains fn times the rotation: up to the largest overlap times the angle, of which a sum of ends leaves ``dt phi' travel`` a cycle.
     """
     if params["kind"] == "wall" and Difference.FIXED_WALL_SHEAR in engine.differences:
         most = (SUNK + params["amplitude"]) * _angle(params)
@@ -355,7 +355,7 @@ def _rounding(params: Mapping[str, Any], engine: EngineInfo, count: int) -> floa
 
 
 def _midpoint(params: Mapping[str, Any], count: int) -> float:
-    """Error [m] of the midpoint rule of a cycle's half: ``(way of a step)^2/24`` times what the integrand's slope changes by.
+    """Error [m] of the midpoint rule of a cycle's half: ``(travel of a step)^2/24`` times what the integrand's slope changes by.
 
     The slope of ``aside/|d|`` along the way is at most ``1/(2 |aside|)``, of either sign. On the wall the integrands by the part of the way
     are the amplitude times ``sin(angle s)`` and ``angle s cos(angle s)/2``: their slopes change by less than twice the angle's square.

@@ -135,8 +135,8 @@ class Turned:
             n = np.array([1.0, 2.0, 2.0]) / 3.0
             tangent = np.array([2.0, 1.0, -2.0]) / 3.0
             return (near * n, np.zeros(3)), np.stack([2.5 * n + 0.06 * tangent, 1.5 * n + 0.02 * tangent])
-        way, side = np.array([2.0, -1.0, 2.0]) / 3.0, np.array([2.0, 2.0, -1.0]) / 3.0
-        return (CLOSEST * side - HALF * way, 2.0 * HALF * way), np.zeros((2, 3))
+        path, side = np.array([2.0, -1.0, 2.0]) / 3.0, np.array([2.0, 2.0, -1.0]) / 3.0
+        return (CLOSEST * side - HALF * path, 2.0 * HALF * path), np.zeros((2, 3))
 
     def _truth(
         self, params: Mapping[str, Any], setup: SphereSetup, t: FloatArray, *, share: float = 1.0, cut: float = 0.0

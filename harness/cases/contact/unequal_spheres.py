@@ -28,19 +28,19 @@ from ninedisk.harness.api.case import (
 )
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
+    contact_softness,
     contact_step,
     phase_error,
     single,
     single_precision,
     slack_time,
     soft_reason,
-    softness,
 )
-from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, peak, rebound_checks, rebound_within
+from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, parabola_peak, rebound_checks, rebound_within
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, hertz_shift
-from ninedisk.references.hertz_mindlin import Contact, Spun, rebound
+from ninedisk.references.hertz_mindlin import Contact, SpheresAfterImpact, rebound
 
 ONE = np.array([2.0, -1.0, 2.0]) / 3.0
 TWO = np.array([1.0, 2.0, 0.0]) / math.sqrt(5.0)
@@ -163,8 +163,8 @@ def _impacts(params: Mapping[str, Any]) -> SphereSetup:
     x[4], v[4], omega[4] = 10.0 * (ONE + TWO) - 10.0 * THREE, FLIES_V, FLIES_W
     # Planes that slide in the first sample and are at rest when they are met.
     walls = tuple(
-        PlaneWall(name=name, point=(0.0, 0.0, 0.0), normal=_three(normal), law=law,
-                  motion=(PlaneSegment(duration=dt, velocity=_three(before)),))
+        PlaneWall(name=name, point=(0.0, 0.0, 0.0), normal=_three_spheres(normal), law=law,
+                  motion=(PlaneSegment(duration=dt, velocity=_three_spheres(before)),))
         for name, normal, law, before in (("first", ONE, first, 5.0 * THREE), ("second", TWO, second, -3.0 * ONE))
     )  # fmt: skip
     masses = M_IMPACT * np.array([1.0, 1.0, 1.0, params["heavy"], 1.0])
@@ -176,7 +176,7 @@ def _impacts(params: Mapping[str, Any]) -> SphereSetup:
                        labels={each.name: each.bodies for each in meetings})  # fmt: skip
 
 
-def _rebound(params: Mapping[str, Any], each: Meeting) -> Spun:
+def _rebound(params: Mapping[str, Any], each: Meeting) -> SpheresAfterImpact:
     """Of Hertz' law by integration; else both bodies slide: ``(1 + e) m v`` along n, mu times as much against the slip."""
     contact = each.contact
     if params["law"] == "hertz":
@@ -193,7 +193,7 @@ def _rebound(params: Mapping[str, Any], each: Meeting) -> Spun:
             return before
         return before[0] - sense * normal / m, before[1] + sense * along / m, before[2] + 2.5 * along / (m * radius)
 
-    return Spun(
+    return SpheresAfterImpact(
         after(contact.first, contact.mass, contact.radius, 1.0),
         after(contact.second, contact.mass_2, contact.radius_2, -1.0),
     )
@@ -224,7 +224,7 @@ def _impact_seen(params: Mapping[str, Any], history: History) -> tuple[dict[str,
         }
         if params["law"] == "hertz" and each.restitution == 1.0:
             fn = history.fn[:, place]
-            scalars[f"{each.name}_force_max"] = ("N", peak(fn))
+            scalars[f"{each.name}_force_max"] = ("N", parabola_peak(fn))
         if j < 5:
             scalars[f"{each.name}_vt_second"] = ("m/s", float(v[-1, j] @ each.t))
             scalars[f"{each.name}_spin_second"] = ("rad/s", float(w[-1, j] @ b))
@@ -241,7 +241,7 @@ def _impact_checks(params: Mapping[str, Any], setup: SphereSetup, engine: Engine
         elif engine.contact == "spring":
             checks = _linear_checks(params, each, setup, engine)
         else:
-            checks = allowing(
+            checks = checks_with_allowance(
                 LIFTS,
                 setup,
                 engine,
@@ -251,7 +251,7 @@ def _impact_checks(params: Mapping[str, Any], setup: SphereSetup, engine: Engine
     return found
 
 
-def _flung(contact: Contact) -> float:
+def _flung_share(contact: Contact) -> float:
     """Share of Hertz' largest force by which spheres that turn about each other, at u along the surface, push less.
 
     ``u^2/(R_1 + R_2)`` over the overlap takes ``2 u^2 overlap/((R_1 + R_2) v^2)`` of the energy, and the force goes with its power 3/5.
@@ -268,7 +268,7 @@ def _force_checks(each: Meeting, setup: SphereSetup, engine: EngineInfo) -> list
         return []
     contact, hertz = each.contact, each.contact.elastic
     phase = contact.speed * (setup.numerics.contact_dt or setup.numerics.dt) / hertz.overlap
-    flung = _flung(contact)
+    flung = _flung_share(contact)
     allowed = 2.0 * abs(hertz_shift(phase)[0]) + PEAK * (2.0 * hertz.duration / (SAMPLES * setup.numerics.dt)) ** 4
     allowed += 1.5 * flung + 1e-9
     return [
@@ -295,7 +295,7 @@ def _linear_checks(params: Mapping[str, Any], each: Meeting, setup: Any, engine:
         normal += turned * lost
         why = f"omega dt = {phase:.3g}; overlap/R = {overlap / least:.2g}; the normal turns by {turned:.2g}"
     else:
-        soft, dt = softness(engine), setup.numerics.dt
+        soft, dt = contact_softness(engine), setup.numerics.dt
         turned = (
             0.0 if math.isinf(contact.radius_2) else 2.0 * dt * (abs(contact.first[1]) + abs(contact.second[1])) / least
         )
@@ -309,8 +309,8 @@ def _linear_checks(params: Mapping[str, Any], each: Meeting, setup: Any, engine:
         if Difference.ARM_LESS_OVERLAP in engine.differences:
             along += lost * contact.speed * dt / least
         why = f"impulses of one step, whose normal is off by {turned:.2g}{soft_reason(engine)}"
-    room = np.array([normal, along, 2.5 * along / least])
-    return rebound_within(contact, truth, room, engine, setup, truth_kind="analytic", source="rigid impulses of surfaces that slide",
+    bound = np.array([normal, along, 2.5 * along / least])
+    return rebound_within(contact, truth, bound, engine, setup, truth_kind="analytic", source="rigid impulses of surfaces that slide",
                           why=why)  # fmt: skip
 
 
@@ -337,7 +337,7 @@ def _flight(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     scene = SphereScene(
         spheres=Spheres(x=x, v=v, omega=omega, radius=R_FLIGHT, mass=M_FLIGHT),
         sphere_sphere=law,
-        gravity=_three(FLIGHT_G),
+        gravity=_three_spheres(FLIGHT_G),
     )
     numerics = Numerics(
         dt=FLIGHT_DT, n_steps=FLIGHT_STEPS, contact_dt=FLIGHT_DT, sample_every=FLIGHT_STEPS, allow_unstable=True
@@ -368,15 +368,15 @@ def _belt(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     v, omega = _belt_start()
     roof = SphereLaw(kn=3.0 * BELT_KN, ks=KS_OVER_KN * BELT_KN, mu=0.9, restitution=0.0, regularised=True)
     law = SphereLaw(kn=BELT_KN, ks=KS_OVER_KN * BELT_KN, mu=BELT_MU, restitution=0.0, regularised=True)
-    motion = tuple(PlaneSegment(duration=LEG, velocity=_three(each + LIFT * ONE)) for each in BELT)
+    motion = tuple(PlaneSegment(duration=LEG, velocity=_three_spheres(each + LIFT * ONE)) for each in BELT)
     place = 4.0 * np.array([TWO, -TWO, THREE]) + (R_BELT - M_BELT * G / BELT_KN)[:, None] * ONE
     walls = (
-        PlaneWall(name="roof", point=_three(50.0 * ONE), normal=_three(-ONE + 0.1 * TWO), law=roof),
-        PlaneWall(name="belt", point=(0.0, 0.0, 0.0), normal=_three(ONE), law=law, motion=motion),
+        PlaneWall(name="roof", point=_three_spheres(50.0 * ONE), normal=_three_spheres(-ONE + 0.1 * TWO), law=roof),
+        PlaneWall(name="belt", point=(0.0, 0.0, 0.0), normal=_three_spheres(ONE), law=law, motion=motion),
     )
     scene = SphereScene(
         spheres=Spheres(x=place, v=v, omega=omega, radius=R_BELT, mass=M_BELT), sphere_sphere=roof, walls=walls,
-        gravity=_three(-G * ONE),
+        gravity=_three_spheres(-G * ONE),
     )  # fmt: skip
     swing = math.sqrt(3.5 * KS_OVER_KN * BELT_KN / M_BELT.min())
     numerics = Numerics(dt=BELT_DT, n_steps=round((3.0 * LEG + LAST) / BELT_DT), contact_dt=contact_step(BELT_DT, BELT_PHASE / swing),
@@ -412,7 +412,7 @@ def _held_start() -> tuple[FloatArray, FloatArray]:
     )
 
 
-def _held(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
+def _held_spheres(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     v, omega = _held_start()
     law = SphereLaw(kn=BELT_KN, ks=KS_OVER_KN * BELT_KN, mu=BELT_MU, restitution=0.0, regularised=True)
     x = np.array([4.0 * TWO, -4.0 * TWO, 4.0 * THREE + 5.0 * ONE])
@@ -421,8 +421,8 @@ def _held(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
         x=x, v=v, omega=omega, radius=R_FIRST, mass=M_FIRST, rotating=np.array([True, False, True]),
         held=np.array([[False] * 3, [False] * 3, [True, False, False]]),
     )  # fmt: skip
-    floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=_three(ONE), law=law)
-    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=_three(-G * ONE))
+    floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=_three_spheres(ONE), law=law)
+    scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=_three_spheres(-G * ONE))
     swing = math.sqrt(3.5 * KS_OVER_KN * BELT_KN / M_FIRST.min())
     numerics = Numerics(dt=BELT_DT, n_steps=round(HELD_T / BELT_DT), contact_dt=contact_step(BELT_DT, BELT_PHASE / swing),
                         sample_every=20, sliding="coulomb")  # fmt: skip
@@ -459,7 +459,7 @@ def _crowd_mass() -> FloatArray:
     return np.repeat(1.0 + 0.2 * np.arange(6), 2)
 
 
-def _crowd(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
+def _crowd_scene(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     lines, mass = _crowd_lines(), _crowd_mass()
     gap = AHEAD * CROWD_DT * CROWD_V
     x = np.vstack([(R_CENTRE + R_CROWD + gap) * lines, np.zeros((1, 3))])
@@ -497,7 +497,7 @@ def _swing() -> float:
     return 2.0 * math.pi / 3.0 / (HELD_DT * HELD_STEPS)
 
 
-def _resisted(params: Mapping[str, Any]) -> SphereSetup:
+def _resisted_spheres(params: Mapping[str, Any]) -> SphereSetup:
     n, _, mobility = _resistance()
     spring = params["model"] == "elastic-plastic"
     resistance = Rolling(
@@ -540,7 +540,7 @@ def _turned_with_twist() -> float:
     return float(np.linalg.norm(relative - (relative @ n) * n)) * half
 
 
-def _three(vector: FloatArray) -> tuple[float, float, float]:
+def _three_spheres(vector: FloatArray) -> tuple[float, float, float]:
     x, y, z = vector.tolist()
     return x, y, z
 
@@ -590,9 +590,9 @@ class Unequal:
             "impacts": _impacts,
             "flight": _flight,
             "belt": _belt,
-            "held": _held,
-            "crowd": _crowd,
-            "resisted": _resisted,
+            "held": _held_spheres,
+            "crowd": _crowd_scene,
+            "resisted": _resisted_spheres,
         }
         return make[params["kind"]](params)
 
@@ -629,12 +629,12 @@ class Unequal:
         series: dict[str, Any] = {"strayed": ("m/s", np.linalg.norm(history.v, axis=2).max(axis=1))}
         scalars: dict[str, tuple[str, float]] = {}
         if params["kind"] == "impacts":
-            seen, told = _impact_seen(params, history)
-            series, scalars = series | seen, scalars | told
+            seen, reported = _impact_seen(params, history)
+            series, scalars = series | seen, scalars | reported
         units = {"x": "m", "v": "m/s", "angle": "rad", "omega": "rad/s"}
         for name in ends:
             found = getattr(history, name)[last]
-            for i in self._judged(params):
+            for i in self._judged_spheres(params):
                 scalars |= {f"{name}_{i}{axis}": (units[name], float(found[i, c])) for c, axis in enumerate("xyz")}
         for place, wall in enumerate(setup.scene.walls):
             if wall.motion:
@@ -645,7 +645,7 @@ class Unequal:
             scalars[f"off_{name}"] = ("1", float(off) / size)
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
-    def _judged(self, params: Mapping[str, Any]) -> Sequence[int]:
+    def _judged_spheres(self, params: Mapping[str, Any]) -> Sequence[int]:
         """Spheres whose components are judged: of impacts the one that meets none, of a crowd one of each pair and the centre."""
         return {
             "impacts": (4,),
@@ -673,15 +673,15 @@ class Unequal:
         ends = self._ends(params, setup)
 
         def components(setup: Any, engine: EngineInfo) -> list[Check]:
-            room, why = self._room(params, setup, engine)
+            bound, why = self._tolerances(params, setup, engine)
             speed, spin = self._scales(setup)
             far = speed * setup.numerics.dt * steps
             scale = {"x": far, "v": speed, "angle": spin * setup.numerics.dt * steps, "omega": spin}
             return [
                 Check(quantity=f"{name}_{i}{axis}", norm="scalar", truth="analytic", expected=float(ends[name][i, c]), source=SOURCE,
-                      atol=room[name], scale=scale[name], why=why)
+                      atol=bound[name], scale=scale[name], why=why)
                 for name in ends
-                for i in self._judged(params)
+                for i in self._judged_spheres(params)
                 for c, axis in enumerate("xyz")
             ]  # fmt: skip
 
@@ -699,19 +699,21 @@ class Unequal:
             ]  # fmt: skip
 
         if kind in ("belt", "held"):
-            found += allowing(LIFTS, setup, engine, components)
+            found += checks_with_allowance(LIFTS, setup, engine, components)
         else:
             found += turning(components(setup, engine)) if kind == "resisted" else components(setup, engine)
         if kind == "belt":
-            way = sum((LEG * (each + LIFT * ONE) for each in BELT), np.zeros(3))
+            path = sum((LEG * (each + LIFT * ONE) for each in BELT), np.zeros(3))
             found += [
-                Check(quantity=f"plane_{axis}", norm="scalar", truth="analytic", expected=float(way[c]), source="prescribed motion",
+                Check(quantity=f"plane_{axis}", norm="scalar", truth="analytic", expected=float(path[c]), source="prescribed motion",
                       atol=1e-12 + single(engine, 50.0, 1.0), why=f"round-off{single_precision(engine)}")
                 for c, axis in enumerate("xyz")
             ]  # fmt: skip
         return found
 
-    def _room(self, params: Mapping[str, Any], setup: SphereSetup, engine: EngineInfo) -> tuple[dict[str, float], str]:
+    def _tolerances(
+        self, params: Mapping[str, Any], setup: SphereSetup, engine: EngineInfo
+    ) -> tuple[dict[str, float], str]:
         """Tolerances by quantity, and why."""
         kind, numerics = params["kind"], setup.numerics
         steps, dt = numerics.n_steps, numerics.dt
@@ -729,7 +731,9 @@ class Unequal:
             )
         if kind in ("belt", "held"):
             pull, least = BELT_MU * G, (_belt_ends if kind == "belt" else _held_ends)()[2]
-            v += softness(engine) * (speed + 3.0 * pull * dt + pull * dt * steps) + pull * slack_time(engine, dt)
+            v += contact_softness(engine) * (speed + 3.0 * pull * dt + pull * dt * steps) + pull * slack_time(
+                engine, dt
+            )
             v += 2.0 * G * slack_time(engine, dt)
             if engine.contact == "spring":
                 # A shear spring needs twice its cap's displacement to turn round, at the least slip, in each of three segments.
@@ -750,7 +754,7 @@ class Unequal:
                 v += (phase_error(phase, 0.0) + 2.0 * _crowd_mass().max() / HEAVY * phase) * CROWD_V
                 why = f"phase of the touch in a step, omega dt = {phase:.3g}"
             else:
-                v += 2.0 * softness(engine) * CROWD_V + 24.0 * _crowd_mass().max() / HEAVY * CROWD_V
+                v += 2.0 * contact_softness(engine) * CROWD_V + 24.0 * _crowd_mass().max() / HEAVY * CROWD_V
                 why = f"impulses one after the other, which the centre takes as 1/{HEAVY:g}{soft_reason(engine)}"
             return {"v": v, "omega": omega + v / R_CROWD}, why
         if kind == "resisted":

@@ -14,7 +14,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Disks, Scene, Wall, WallSegment
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import CONTACT_DYNAMICS, where_observed
+from ninedisk.harness.cases.common import CONTACT_DYNAMICS, at_observed
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.results.figures import Figure, Plotted
 
@@ -122,14 +122,14 @@ class Budget:
         forces on disks.
         """
         blank = np.full(len(history.step), np.nan)
-        told = {name: np.asarray(values) for name, values in history.energy.items()}
-        if "dashpot_loss" in told or "impact_loss" in told:
-            told = {name: np.zeros_like(blank) for name in ("dashpot_loss", "impact_loss")} | told
-        told = {name: np.zeros_like(blank) for name in ("force_work", *self.own)} | told
+        reported = {name: np.asarray(values) for name, values in history.energy.items()}
+        if "dashpot_loss" in reported or "impact_loss" in reported:
+            reported = {name: np.zeros_like(blank) for name in ("dashpot_loss", "impact_loss")} | reported
+        reported = {name: np.zeros_like(blank) for name in ("force_work", *self.own)} | reported
         if params["mu"] == 0.0:
-            told.setdefault("friction_loss", np.zeros_like(blank))
+            reported.setdefault("friction_loss", np.zeros_like(blank))
         energy: dict[str, FloatArray] = {
-            name: told.get(name, blank) for name in (*STATE, *self.losses, *self.own, *FED)
+            name: reported.get(name, blank) for name in (*STATE, *self.losses, *self.own, *FED)
         }
         energy["gravity"] = energy["gravity"] - _floor_energy(setup.scene)
         total = sum((energy[name] for name in (*STATE, *self.losses, *self.own)), start=np.zeros_like(blank))
@@ -145,7 +145,7 @@ class Budget:
         """What the channels together do not account for, at worst."""
         return (
             Headline(name="energy missing from the budget", use="energy", quantity="energy_missing", expected=0.0,
-                     source="balance of energy", scale=_exchanged(setup.scene), scale_is="energy that the disks exchange"),
+                     source="balance of energy", scale=_initial_energy(setup.scene), scale_is="energy that the disks exchange"),
         )  # fmt: skip
 
     def checks(
@@ -156,7 +156,7 @@ class Budget:
         engine: EngineInfo,
     ) -> Sequence[Check]:
         """The balance and every loss, to the scheme's order or to round-off."""
-        size, zero = _exchanged(setup.scene), np.zeros(len(observed.step))
+        size, zero = _initial_energy(setup.scene), np.zeros(len(observed.step))
         if engine.scheme == "theta":
             off, why = 1e-11, "solver tolerance of 1e-12 and round-off, added up over some thousand steps"
         else:
@@ -167,7 +167,7 @@ class Budget:
         for name in ("energy_balance", *(f"energy_{name}_fed" for name in self._losses(params))):
             found.append(
                 Check(
-                    quantity=name, norm="max", truth="analytic", expected=where_observed(observed, engine, name, zero),
+                    quantity=name, norm="max", truth="analytic", expected=at_observed(observed, engine, name, zero),
                     source="balance of energy" if name == "energy_balance" else "a loss never feeds", scale=size,
                     atol=size * (off if name == "energy_balance" or "dashpot" in name else min(off, 1e-11)), why=why,
                 )
@@ -197,7 +197,7 @@ def _floor_energy(scene: Any) -> float:
     return float((scene.bodies.mass * scene.bodies.radius).sum()) * GRAVITY
 
 
-def _exchanged(scene: Any) -> float:
+def _initial_energy(scene: Any) -> float:
     """Energy that the bodies have at the beginning, of motion and of their height above the floor [J]."""
     bodies = scene.bodies
     turns = bodies.inertia @ bodies.omega.reshape(len(bodies), -1) ** 2

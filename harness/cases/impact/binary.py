@@ -20,6 +20,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
     around_contact,
+    contact_softness,
     contact_step,
     drift_in_flight,
     flight_checks,
@@ -29,10 +30,9 @@ from ninedisk.harness.cases.common import (
     series_and_final,
     single,
     soft_reason,
-    softness,
     whole_steps,
 )
-from ninedisk.harness.cases.impact.shown import BINARY_CLAIMS, BINARY_FIGURES
+from ninedisk.harness.cases.impact.figures import BINARY_CLAIMS, BINARY_FIGURES
 from ninedisk.references.analytic.impact.collision import collision_history
 from ninedisk.references.analytic.impact.spring_dashpot import (
     beta_of_restitution,
@@ -151,7 +151,7 @@ class BinaryCollision:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """Two disks on the x axis."""
-        given, m_eff, (one, two) = knobs(params), effective_mass(params), radii(params)
+        given, m_eff, (one, two) = impact_settings(params), effective_mass(params), radii(params)
         law = ContactLaw(kn=params["kn"], beta=given.beta, restitution=given.restitution, regularised=True)
         disks = Disks(
             x=np.array([[0.0, 0.0], [one + two + params["gap"], 0.0]]),
@@ -204,7 +204,7 @@ class BinaryCollision:
         """Newton's restitution for all: the rigid disks' problem, whose spring engines have a dashpot of at most `PLASTIC_BETA`."""
         momentum = params["mass"] * params["speed"]
         return (
-            Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=knobs(params).restitution,
+            Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=impact_settings(params).restitution,
                      source="Newton's restitution", scale=1.0, scale_is="speed of approach"),
             Headline(name="momentum lost", use="impacts", quantity="momentum_drift", expected=0.0,
                      source="conservation of momentum", scale=momentum, scale_is="momentum of the hitting disk"),
@@ -238,7 +238,7 @@ class BinaryCollision:
         ]  # fmt: skip
 
 
-class Knobs(NamedTuple):
+class ImpactSettings(NamedTuple):
     """What each kind of engine is told about the impact."""
 
     restitution: float
@@ -255,7 +255,7 @@ class Impact(NamedTuple):
     why: str
 
 
-def knobs(params: Mapping[str, Any]) -> Knobs:
+def impact_settings(params: Mapping[str, Any]) -> ImpactSettings:
     """Restitution, damping ratio and theta of a variant.
 
     The first of ``restitution``, ``beta``, ``theta`` that is set gives the target restitution, else ``kind`` does; the
@@ -272,7 +272,7 @@ def knobs(params: Mapping[str, Any]) -> Knobs:
         target = KINDS[params["kind"]]
     if beta is None:
         beta = beta_for(target)
-    return Knobs(restitution=target, beta=beta, theta=1.0 / (1.0 + target) if theta is None else theta)
+    return ImpactSettings(restitution=target, beta=beta, theta=1.0 / (1.0 + target) if theta is None else theta)
 
 
 def masses(params: Mapping[str, Any]) -> tuple[float, float]:
@@ -310,7 +310,7 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
 
     That of springs is off by `phase_error`.
     """
-    given = knobs(params)
+    given = impact_settings(params)
     if engine.contact == "spring":
         e = restitution_of_beta(given.beta)
         phase = math.sqrt(params["kn"] / effective_mass(params)) * (setup.numerics.contact_dt or setup.numerics.dt)
@@ -318,7 +318,7 @@ def binding_impact(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) 
         why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {given.beta:.4g}"
         return Impact(e, bound + ROUND_OFF, f"spring and dashpot without tension, e(beta) = {e:.6g}", why)
     # An impulse is 1 + e times what a plastic one is; a soft contact misses a part of it.
-    missed = (1.0 + given.restitution) * softness(engine)
+    missed = (1.0 + given.restitution) * contact_softness(engine)
     # The relative velocity after the impact is the difference of two, each rounded.
     rounding = 2.0 * single(engine, params["speed"], 1) / params["speed"]
     why = "impact law at velocity level: round-off" + (" of single precision" if rounding else "") + soft_reason(engine)
@@ -331,7 +331,7 @@ def _analytic(params: Mapping[str, Any], observed: Observed, dt: float, impact: 
     curves = collision_history(
         observed.t, gap=params["gap"], speed=speed, mass_1=one, mass_2=two, restitution=e
     )._asdict()
-    contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=knobs(params).beta)
+    contact = contact_duration(kn=params["kn"], m_eff=m_eff, beta=impact_settings(params).beta)
     event = around_contact(observed.t, params["gap"] / speed, contact, dt)
     expected = {name: np.where(event, np.nan, curves[name]) for name in NAMES}
     # The impulse is m v (1 + e), m the effective mass, and the energy of the relative motion m (v e)^2/2.

@@ -20,6 +20,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     GRAVITY,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -29,7 +30,6 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
     summed_round_off,
     whole_steps,
 )
@@ -275,7 +275,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
         rest = -mass * params["g"] / law.kn if Difference.KEEPS_KN in engine.differences else 0.0
         # A soft contact lets a part of the landing speed through, a part of that in the next step, and so on; then of gravity's.
         slack, fall = slack_time(engine, setup.numerics.dt), math.sqrt(2.0 * params["g"] * params["height"])
-        settled = _landed(params, setup, engine) + 1e-12 + slack * (fall + params["g"] * float(observed.t[-1]))
+        settled = _landed_height(params, setup, engine) + 1e-12 + slack * (fall + params["g"] * float(observed.t[-1]))
     lost = None if spring else _height_lost(params, setup, engine)
     return _collect(
         params, setup, observed, flights, errors, _Words(source, why), (rest, settled), spring=spring, lost=lost
@@ -337,14 +337,14 @@ def _collect(
     if (
         params["restitution"] < 1.0
         and setup.numerics.n_steps * dt > 1.1 * float(flights.land[-1])
-        and _still(setup, spring=spring)
+        and _comes_to_rest(setup, spring=spring)
     ):
         scalars["gap_final"], atol["gap_final"] = at_rest
     energy = mass * (0.5 * vy**2 + g * gap)
     return Truth({"gap": gap, "vy": vy, "energy": energy}, scalars, atol, words.source, words.why)
 
 
-def _still(setup: Setup, *, spring: bool) -> bool:
+def _comes_to_rest(setup: Setup, *, spring: bool) -> bool:
     """Whether the last part of the run is long enough for a dashpot to end what the bounces leave: a tenth of it, 40 decay times."""
     law, mass = setup.scene.walls[0].law, float(setup.scene.disks.mass[0])
     if not spring:
@@ -401,7 +401,7 @@ def _step_errors(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, fl
     found = [Errors(speed, time)]
     for k in range(1, len(flights.leave)):
         time += speed / g + dt
-        missed = (1.0 + e) * softness(engine) * float(flights.speed[k]) / e
+        missed = (1.0 + e) * contact_softness(engine) * float(flights.speed[k]) / e
         speed = e * (speed + g * dt) + max(1.0 / e - e, e) * g * dt + 0.5 * g * dt + missed + rounding
         found.append(Errors(speed, time))
         time += speed / g
@@ -417,12 +417,12 @@ def _height_lost(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) ->
     """
     g, dt, bounces = params["g"], setup.numerics.dt, params["bounces"]
     landing = math.sqrt(2.0 * g * params["height"])
-    missed = 2.0 * softness(engine) * landing
+    missed = 2.0 * contact_softness(engine) * landing
     rounding = 1e-12 * landing + single(engine, landing, setup.numerics.n_steps)
     return float(landing / g * (bounces * (g * dt + missed) + 0.5 * g * dt + rounding))
 
 
-def _landed(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> float:
+def _landed_height(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> float:
     """Overlap or height [m] of a disk at rest: what the last landing leaves.
 
     A plastic one may see the whole way of its step. Others go on until the speed that `_step_errors` adds to each bounce is all
@@ -439,7 +439,7 @@ def _landed(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> floa
     return float(max(last * dt, last**2 / (2.0 * g)))
 
 
-class Stepped(NamedTuple):
+class SteppedCurves(NamedTuple):
     """Gap and velocity of the exact steps at the samples, NaN once rounding has grown too far, and absolute tolerances by name."""
 
     curves: Mapping[str, FloatArray]
@@ -448,7 +448,7 @@ class Stepped(NamedTuple):
 
 def exact_curves(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo | None = None
-) -> Stepped:
+) -> SteppedCurves:
     """The theta scheme's exact steps, as far as an engine can follow them.
 
     Theta's own impact law depends on where in a step the impact falls: a gap that is off by delta changes the speed by
@@ -494,7 +494,7 @@ def exact_curves(
     atol = {"gap": gap + 1e-12 * size, "vy": speed}
     shown = observed.step <= end
     curves = {name: np.where(shown, getattr(steps, name)[observed.step], np.nan) for name in atol}
-    return Stepped(curves, atol)
+    return SteppedCurves(curves, atol)
 
 
 CASE = BouncingDisk()

@@ -200,7 +200,7 @@ class ChungOoi:
             return (
                 Figure(
                     kind="places", title="Force over overlap", quantities=(Plotted("force", pushed, at="overlap"),), compare=compare,
-                    at_label="overlap [m]", curves=tuple(self._pushed(material, pushed) for material in names),
+                    at_label="overlap [m]", curves=tuple(self._pushed_scene(material, pushed) for material in names),
                     shows="Force over overlap, in and out, of every engine and sample; the curves are Hertz' closed form.",
                     allows="An engine whose points lie on the curve has Hertz' stiffness and no dashpot; its time is in the figure below.",
                 ),
@@ -231,7 +231,7 @@ class ChungOoi:
             )  # fmt: skip
         return tuple(found)
 
-    def _pushed(self, material: str, label: str) -> Drawn:
+    def _pushed_scene(self, material: str, label: str) -> Drawn:
         contact = self.contact({"material": material})
         (radius, _), most = contact.reduced, contact.elastic.overlap
         x = [most * k / 40 for k in range(41)]
@@ -277,9 +277,9 @@ class ChungOoi:
             "vt_final": ("m/s", vt),
             "spin_final": ("rad/s", spin),
         }
-        return {**own, **self._shown(contact, out=out, vt=vt, spin=spin, slip=slip)}
+        return {**own, **self._figure_values(contact, out=out, vt=vt, spin=spin, slip=slip)}
 
-    def _shown(
+    def _figure_values(
         self, contact: Contact, *, out: float, vt: float, spin: float, slip: float
     ) -> dict[str, tuple[str, float]]:
         """The paper's quantities, by velocities [m/s] and spin [rad/s] after the impact."""
@@ -307,7 +307,7 @@ class ChungOoi:
                 "sliding": float(3.5 * mu * (1.0 + self.test.restitution) / over),
             }
 
-    def _shown_checks(self, contact: Contact, found: Sequence[Check]) -> list[Check]:
+    def _figure_checks(self, contact: Contact, found: Sequence[Check]) -> list[Check]:
         """The paper's quantities: as far off as the velocities and spins that they are made of may be, all at once."""
         held = {check.quantity: check for check in found}
         names = [
@@ -324,7 +324,8 @@ class ChungOoi:
             if "spin_second" in seen:
                 slip += contact.radius_2 * seen["spin_second"]
             return {
-                name: number for name, (_, number) in self._shown(contact, out=out, vt=vt, spin=spin, slip=slip).items()
+                name: number
+                for name, (_, number) in self._figure_values(contact, out=out, vt=vt, spin=spin, slip=slip).items()
             }
 
         def farthest(wide: FloatArray, name: str) -> float:
@@ -420,7 +421,7 @@ class ChungOoi:
         """What `observed_of` sees, and the scaled quantities of the paper's figures."""
         contact, seen = self.contact(params), observed_of(self.contact(params), history)
         value = {name: number for name, (_, number) in seen.scalars.items()}
-        extra = self._shown(
+        extra = self._figure_values(
             contact, out=value["restitution_effective"] * contact.speed, vt=value["vt_final"], spin=value["spin_final"],
             slip=value["slip_final"],
         )  # fmt: skip
@@ -469,7 +470,7 @@ class ChungOoi:
         contact = self.contact(params)
         found = rebound_checks(contact, setup, engine)
         if self.number > 2:
-            return [*found, *self._shown_checks(contact, found)]
+            return [*found, *self._figure_checks(contact, found)]
         hertz = contact.elastic
         phase = contact.speed * (setup.numerics.contact_dt or setup.numerics.dt) / hertz.overlap
         why = f"central differences, v dt/overlap = {phase:.3g}: twice the term of second order; the samples' parabola"

@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import phase_error
 from ninedisk.harness.results.figures import Figure, Plotted
-from ninedisk.references.analytic.impact.cohesion import captures, cohesive_contact, cohesive_rebound
+from ninedisk.references.analytic.impact.cohesion import cohesive_contact, cohesive_rebound, is_captured
 
 RADIUS, MASS, HEAVY, SPEED = 0.5, 1.0, 3.0, 2.0
 """Of the disk that flies [m], [kg], mass of the other one [kg], speed of approach [m/s]."""
@@ -84,7 +84,7 @@ class Cohesion:
         )
         walls = (Wall(name="wall", point=(0.0, 0.0), normal=(1.0, 0.0), law=law),) if wall else ()
         dt = params["phase"] / math.sqrt(KN / _mass(params))
-        numerics = Numerics(dt=dt, n_steps=math.ceil(_until(params) / dt), contact_dt=dt, damping_form="lagged")
+        numerics = Numerics(dt=dt, n_steps=math.ceil(_duration(params) / dt), contact_dt=dt, damping_form="lagged")
         return Setup(
             scene=Scene(disks=disks, disk_disk=law, walls=walls),
             numerics=numerics,
@@ -102,7 +102,7 @@ class Cohesion:
             "fn": ("N", history.fn[:, 0]),
         }
         scalars = {"deepest": ("m", float(np.max(-gap))), "rate_final": ("m/s", float(-apart[-1]))}
-        if not captures(**_law(params)):
+        if not is_captured(**_law(params)):
             open_ = np.flatnonzero((gap[1:] > 0.0) & (gap[:-1] <= 0.0) & (history.t[1:] > 2.0 * setup.numerics.dt))
             k = int(open_[-1]) if len(open_) else -1
             ends = (
@@ -157,7 +157,7 @@ class Cohesion:
             Check(quantity="overlap", norm="max", expected=truth.overlap, atol=overlap, scale=SPEED / omega, **common),
             Check(quantity="rate", norm="max", expected=truth.rate, atol=speed + SPEED * 2.0 * z * omega * step, scale=SPEED, **common),
         ]  # fmt: skip
-        if captures(**_law(params)):
+        if is_captured(**_law(params)):
             return [
                 *found,
                 Check(quantity="fn", norm="max", expected=np.where(edge, np.nan, truth.fn), atol=force, scale=KN * SPEED / omega, **common),
@@ -189,9 +189,9 @@ def _truth(params: Mapping[str, Any], t: np.ndarray[Any, Any]) -> Any:
     return cohesive_contact(t, **_law(params), m_eff=_mass(params), speed=SPEED)
 
 
-def _until(params: Mapping[str, Any]) -> float:
+def _duration(params: Mapping[str, Any]) -> float:
     """End of the run [s]: a fifth after the rebound, or two periods."""
-    if captures(**_law(params)):
+    if is_captured(**_law(params)):
         return 4.0 * math.pi / math.sqrt(KN * (1.0 - params["share"]) / _mass(params))
     return float(1.2 * _rebound(params).duration)
 

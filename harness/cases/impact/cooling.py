@@ -22,26 +22,26 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
     phase_error,
     single,
-    softness,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import allowing
+from ninedisk.harness.cases.differences import checks_with_allowance
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.harness.cases.impact.gas import (
     MASS,
     MEETING,
     NAMES,
     RADIUS,
+    contact_free_level,
     energy_bounds,
     expected_collisions,
-    level,
     overlaps_squared,
-    room_at_walls,
+    wall_gaps,
 )
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.gas import haff_spread, haff_time, pair_rate, rate_in_box
@@ -193,22 +193,24 @@ class CoolingGas:
         """Energies over the first one, what they rise by, and the loss of the collisions that can be told from the others.
 
         ``kinetic_level`` is the largest kinetic energy of five samples: while springs touch they hold some; ``energy`` has that of springs.
-        ``kinetic_rise`` is without what impacts feed in which Newton's restitution does not bound the energy, see `_fed_at_walls`.
+        ``kinetic_rise`` is without what impacts feed in which Newton's restitution does not bound the energy, see `_wall_energy`.
         ``loss`` is what collisions of two disks that meet nobody else meanwhile lose, over their energy of approach.
         """
         kinetic = 0.5 * MASS * (history.v**2).sum(axis=(1, 2))
-        room = room_at_walls(params, history.x)
-        elastic = 0.5 * params["kn"] * ((np.maximum(-room, 0.0) ** 2).sum(axis=1) + overlaps_squared(history.x))
+        gaps = wall_gaps(params, history.x)
+        elastic = 0.5 * params["kn"] * ((np.maximum(-gaps, 0.0) ** 2).sum(axis=1) + overlaps_squared(history.x))
         first = 0.5 * MASS * float((setup.scene.bodies.v**2).sum())
-        held = level(kinetic / first)
+        held = contact_free_level(kinetic / first)
         series = {
             "kinetic": ("1", kinetic / first),
             "kinetic_level": ("1", held),
             "energy": ("1", (kinetic + elastic) / first),
             "cooling": ("1", 1.0 / np.sqrt(held) - 1.0),
         }
-        scalars = {f"{name}_rise": ("1", _rise(values)) for name, (_, values) in series.items() if name != "cooling"}
-        scalars["kinetic_rise"] = ("1", _rise((kinetic - _fed_at_walls(params, history)) / first))
+        scalars = {
+            f"{name}_rise": ("1", _largest_rise(values)) for name, (_, values) in series.items() if name != "cooling"
+        }
+        scalars["kinetic_rise"] = ("1", _largest_rise((kinetic - _wall_energy(params, history)) / first))
         scalars["ln_temperature"] = ("1", math.log(last(held)) if last(held) > 0.0 else math.nan)
         scalars["loss"] = ("1", _loss(history, params["speed"]))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
@@ -247,7 +249,7 @@ class CoolingGas:
         def sharp(setup: Setup, engine: EngineInfo) -> list[Check]:
             return _collision_checks(params, setup, engine)
 
-        return [*found, *allowing(Difference.NORMAL_TURNS_IN_IMPACT, setup, engine, sharp)]
+        return [*found, *checks_with_allowance(Difference.NORMAL_TURNS_IN_IMPACT, setup, engine, sharp)]
 
 
 @lru_cache(maxsize=32)
@@ -341,7 +343,7 @@ def _motion(
     energy = (own.v**2).sum(axis=(1, 2)) / (v**2).sum()
     rng, apart = np.random.default_rng(0), np.zeros(len(times))
     for _ in range(DISTURBED):
-        moved = _nearby(x, speed * lag * rng.uniform(-1.0, 1.0, x.shape), rows * spacing)
+        moved = _displaced(x, speed * lag * rng.uniform(-1.0, 1.0, x.shape), rows * spacing)
         other = hard_disks(x=moved, **box)
         apart = np.maximum(apart, np.abs((other.v**2).sum(axis=(1, 2)) / (v**2).sum() - energy))
     part = np.flatnonzero(apart > PARTED)
@@ -353,10 +355,10 @@ def _motion(
     )
 
 
-def _nearby(x: FloatArray, way: FloatArray, side: float) -> FloatArray:
-    """Centres displaced by ``way``, disk by disk, where that leaves them in the box and apart."""
+def _displaced(x: FloatArray, path: FloatArray, side: float) -> FloatArray:
+    """Centres displaced by ``path``, disk by disk, where that leaves them in the box and apart."""
     moved = x.copy()
-    for i, step in enumerate(way):
+    for i, step in enumerate(path):
         there = moved[i] + step
         others = np.delete(moved, i, axis=0)
         free = np.hypot.reduce((others - there).T).min() > 2.0 * RADIUS
@@ -386,7 +388,7 @@ def _motion_checks(
     expected = np.full(len(t), np.nan)
     expected[: len(motion.energy)] = motion.energy
     quantity = "energy" if engine.contact == "spring" else "kinetic"
-    lost = -math.expm1(-2.0 * motion.collisions / len(setup.scene.bodies) * 4.0 * softness(engine))
+    lost = -math.expm1(-2.0 * motion.collisions / len(setup.scene.bodies) * 4.0 * contact_softness(engine))
     return [
         Check(quantity=quantity, norm="max", truth="exact-step", expected=expected, scale=1.0,
               source=f"event by event, until {motion.until:.2f} s: {motion.collisions} collisions of two {setup.scene.noun}s",
@@ -412,7 +414,7 @@ def _collision_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInf
         quantity = "energy"
     elif Difference.IMPACT_AS_SPRINGS in engine.differences:
         # Half a step of a spring's motion, in own steps of the part of dt in which a contact takes its load up: a phase of 2 pi times that.
-        quantity, own = "kinetic_level", 2.0 * math.pi * softness(engine)
+        quantity, own = "kinetic_level", 2.0 * math.pi * contact_softness(engine)
         rise += own**2 * (SIGMAS * math.sqrt(2.0 * hits.all / 90.0) + 0.25 * MEETING) / len(setup.scene.bodies)
         reason = f"an impact is a spring's motion over half a step, omega dt = {own:.3g}: phases of {hits.all:.0f} collisions"
     share = 1.0 - e**2
@@ -427,7 +429,7 @@ def _collision_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInf
         why = f"omega dt = {phase:.3g}; the normal turns in a contact of {lasts:.2g} s"
     elif engine.contact == "soft" or Difference.NORMAL_TURNS_IN_IMPACT in engine.differences:
         lasts = numerics.dt
-        off += 2.0 * (1.0 + e) * softness(engine)
+        off += 2.0 * (1.0 + e) * contact_softness(engine)
         why = f"soft contacts, or normals that turn, within a step: {lasts:.2g} s"
     off += 2.0 * (d - 1) * math.sqrt(math.pi / 8.0) * relative * lasts / sigma * share
     return [
@@ -438,12 +440,12 @@ def _collision_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInf
     ]  # fmt: skip
 
 
-def _rise(values: FloatArray) -> float:
+def _largest_rise(values: FloatArray) -> float:
     """Largest rise above the least value so far."""
     return float((values - np.minimum.accumulate(values)).max())
 
 
-def _fed_at_walls(params: Mapping[str, Any], history: History) -> FloatArray:
+def _wall_energy(params: Mapping[str, Any], history: History) -> FloatArray:
     """Kinetic energy [J] gained so far in impacts of disks with a wall and with each other in one step, shape (s,).
 
     Newton's law takes energy from every collision, and from several at once if they all have the same restitution; disks have e, walls 1.
@@ -454,16 +456,16 @@ def _fed_at_walls(params: Mapping[str, Any], history: History) -> FloatArray:
     if not np.isfinite(v).all():
         return fed
     energy = 0.5 * MASS * (v**2).sum(axis=2)
-    room = room_at_walls(params, history.x).reshape(len(v), -1, v.shape[1] * v.shape[2])
+    gaps = wall_gaps(params, history.x).reshape(len(v), -1, v.shape[1] * v.shape[2])
     for k in np.flatnonzero(np.diff(energy.sum(axis=1)) > 0.0):
         changed = (v[k + 1] != v[k]).any(axis=1)
-        way = 2.0 * math.sqrt(2.0 * float(energy[k][changed].max()) / MASS) * float(history.t[k + 1] - history.t[k])
+        path = 2.0 * math.sqrt(2.0 * float(energy[k][changed].max()) / MASS) * float(history.t[k + 1] - history.t[k])
         x = history.x[k]
-        meets = np.linalg.norm(x[:, None] - x[None], axis=2) < 2.0 * RADIUS + way
+        meets = np.linalg.norm(x[:, None] - x[None], axis=2) < 2.0 * RADIUS + path
         meets &= changed[:, None] & changed[None]
         for _ in range(len(x).bit_length()):
             meets = meets @ meets
-        at_wall = changed & (room[k].reshape(-1, *x.shape) < way).any(axis=(0, 2))
+        at_wall = changed & (gaps[k].reshape(-1, *x.shape) < path).any(axis=(0, 2))
         gain = energy[k + 1] - energy[k]
         for group in np.unique(meets[changed], axis=0):
             if group.sum() > 1 and at_wall[group].any():

@@ -30,6 +30,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
+    contact_softness,
     contact_step,
     drift_in_flight,
     flight_checks,
@@ -37,10 +38,9 @@ from ninedisk.harness.cases.common import (
     numerics_of,
     single,
     soft_reason,
-    softness,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import allowing
+from ninedisk.harness.cases.differences import checks_with_allowance
 from ninedisk.references.analytic.impact.gas import pair_rate, wall_rate
 
 RADIUS, MASS = 1.0, math.pi
@@ -141,23 +141,23 @@ class ElasticGas:
         """
         x, v = history.x, history.v
         kinetic = 0.5 * MASS * (v**2).sum(axis=(1, 2))
-        room = room_at_walls(params, x)
-        elastic = 0.5 * params["kn"] * (np.maximum(-room, 0.0) ** 2).sum(axis=1)
+        gaps = wall_gaps(params, x)
+        elastic = 0.5 * params["kn"] * (np.maximum(-gaps, 0.0) ** 2).sum(axis=1)
         elastic += 0.5 * params["kn"] * overlaps_squared(x)
         first = 0.5 * MASS * float((setup.scene.disks.v**2).sum())
         momentum = MASS * v.sum(axis=1)
         angular = MASS * (x[:, :, 0] * v[:, :, 1] - x[:, :, 1] * v[:, :, 0]).sum(axis=1)
-        far = _far_from_walls(params, setup, room)
+        far = _far_from_walls(params, setup, gaps)
         change = np.hypot(*np.diff(momentum, axis=0).T)
         turn = np.abs(np.diff(angular))
         series = {
             "kinetic": ("1", kinetic / first),
-            "kinetic_level": ("1", level(kinetic / first)),
+            "kinetic_level": ("1", contact_free_level(kinetic / first)),
             "energy": ("1", (kinetic + elastic) / first),
-            "momentum_jump": ("kg m/s", _kept(far, change)),
-            "angular_jump": ("kg m^2/s", _kept(far, turn)),
+            "momentum_jump": ("kg m/s", _conserved_changes(far, change)),
+            "angular_jump": ("kg m^2/s", _conserved_changes(far, turn)),
             "spin": ("rad/s", np.abs(history.omega).max(axis=1)),
-            "outside": ("m", np.maximum(-room.min(axis=1), 0.0)),
+            "outside": ("m", np.maximum(-gaps.min(axis=1), 0.0)),
         }
         scalars = {
             f"{name}_final": (series[name][0], last(series[name][1])) for name in ("kinetic", "kinetic_level", "energy")
@@ -241,7 +241,7 @@ class ElasticGas:
             )  # fmt: skip
         return [
             *found,
-            *allowing(
+            *checks_with_allowance(
                 Difference.NORMAL_TURNS_IN_IMPACT,
                 setup,
                 engine,
@@ -269,7 +269,7 @@ def _energy_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, 
     ]
 
 
-def level(kinetic: FloatArray) -> FloatArray:
+def contact_free_level(kinetic: FloatArray) -> FloatArray:
     """The largest of five samples around each: contacts that last less than a step hold energy at single samples only."""
     padded = np.pad(kinetic, 2, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 5).max(axis=1))
@@ -280,7 +280,7 @@ def _rounding(engine: EngineInfo, size: float) -> float:
     return float(np.spacing(np.float32(size))) if engine.precision == "float32" else float(np.spacing(size))
 
 
-def room_at_walls(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
+def wall_gaps(params: Mapping[str, Any], x: FloatArray) -> FloatArray:
     """Gap to each of the walls [m], shape (s, 2 d n)."""
     side = params["rows"] * params["spacing"]
     flat = x.reshape(len(x), -1)
@@ -297,17 +297,17 @@ def overlaps_squared(x: FloatArray) -> FloatArray:
     return total
 
 
-def _far_from_walls(params: Mapping[str, Any], setup: Setup, room: FloatArray) -> NDArray[np.bool_]:
+def _far_from_walls(params: Mapping[str, Any], setup: Setup, gaps: FloatArray) -> NDArray[np.bool_]:
     """Pairs of neighbouring samples between which no disk can have met a wall, shape (s - 1,).
 
     No disk is faster than the energy allows for all of it in one: the margin is that way in a step.
     """
     fastest = params["speed"] * params["rows"]
-    clear = room.min(axis=1) > fastest * setup.numerics.dt
+    clear = gaps.min(axis=1) > fastest * setup.numerics.dt
     return np.asarray(clear[1:] & clear[:-1])
 
 
-def _kept(far: NDArray[np.bool_], change: FloatArray) -> FloatArray:
+def _conserved_changes(far: NDArray[np.bool_], change: FloatArray) -> FloatArray:
     """Changes over the step before each sample, 0 where a wall may have acted; NaN stays."""
     return np.concatenate(([0.0], np.where(far | np.isnan(change), change, 0.0)))
 
@@ -336,11 +336,11 @@ def expected_collisions(params: Mapping[str, Any], setup: Setup) -> Hits:
     n, d, side = len(setup.scene.bodies), setup.scene.dimension, params["rows"] * params["spacing"]
     radius = float(setup.scene.bodies.radius[0])
     thermal = params["speed"] / math.sqrt(d)
-    room = side - 2.0 * radius
+    gaps = side - 2.0 * radius
     time = setup.numerics.n_steps * setup.numerics.dt
     return Hits(
         pairs=time * pair_rate(n=n, area=side**d, radius=radius, thermal=thermal, dimension=d),
-        walls=time * wall_rate(n=n, area=room**d, length=2.0 * d * room ** (d - 1), thermal=thermal),
+        walls=time * wall_rate(n=n, area=gaps**d, length=2.0 * d * gaps ** (d - 1), thermal=thermal),
     )
 
 
@@ -368,7 +368,7 @@ def energy_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, h
         )
         return EnergyBound(walk + 0.25 * eps * MEETING / n, why)
     # The energy falls by that rate of what is left.
-    lost = -math.expm1(-2.0 * hits.all / n * 2.0 * 2.0 * softness(engine))
+    lost = -math.expm1(-2.0 * hits.all / n * 2.0 * 2.0 * contact_softness(engine))
     rough = 1e-13 * hits.all + 2.0 * single(engine, 1.0, 2.0 * hits.all / n)
     why = f"e = 1 keeps the energy of each of {hits.all:.0f} collisions: round-off"
     why += (" of single precision" if engine.precision == "float32" else "") + soft_reason(engine)

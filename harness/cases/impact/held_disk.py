@@ -14,13 +14,13 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     around_contact,
+    contact_softness,
     contact_step,
     numerics_of,
     phase_error,
     single,
     single_precision,
     soft_reason,
-    softness,
 )
 from ninedisk.harness.cases.impact.binary import beta_for
 from ninedisk.references.analytic.impact.prescribed_partner import Struck, rebound_from_held_disk
@@ -77,7 +77,7 @@ class HeldDisk:
         )
         numerics = numerics_of(
             params,
-            n_steps=math.ceil((_struck().time + AFTER) / dt),
+            n_steps=math.ceil((_struck_partner().time + AFTER) / dt),
             contact_dt=contact_step(dt, PHASE / (math.sqrt(kn / MASS) * max(1.0, beta))),
         )
         return Setup(
@@ -86,14 +86,14 @@ class HeldDisk:
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
         """Velocity of the free disk, and the way of both."""
-        way = history.x - setup.scene.disks.x
+        path = history.x - setup.scene.disks.x
         series = {
             "vx": ("m/s", history.v[:, 0, 0]),
             "vy": ("m/s", history.v[:, 0, 1]),
-            "x": ("m", way[:, 0, 0]),
-            "y": ("m", way[:, 0, 1]),
-            "partner_x": ("m", way[:, 1, 0]),
-            "partner_y": ("m", way[:, 1, 1]),
+            "x": ("m", path[:, 0, 0]),
+            "y": ("m", path[:, 0, 1]),
+            "partner_x": ("m", path[:, 1, 0]),
+            "partner_y": ("m", path[:, 1, 1]),
             "partner_vx": ("m/s", history.v[:, 1, 0]),
         }
         scalars = {f"{name}_final": ("m/s", float(series[name][1][-1])) for name in ("vx", "vy")}
@@ -103,14 +103,14 @@ class HeldDisk:
         """How far the impact turns the disk aside."""
         return (
             Headline(name="transverse velocity after hitting a held disk", use="impacts", quantity="vy_final",
-                     expected=_struck().velocity[1], source=self.source, scale=SPEED, scale_is="speed of approach"),
+                     expected=_struck_partner().velocity[1], source=self.source, scale=SPEED, scale_is="speed of approach"),
         )  # fmt: skip
 
     def checks(
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """An impact somewhere in a step: the line of centres is that of some time within two steps."""
-        struck, numerics, law, t = _struck(), setup.numerics, setup.scene.disk_disk, observed.t
+        struck, numerics, law, t = _struck_partner(), setup.numerics, setup.scene.disk_disk, observed.t
         lasts = contact_duration(kn=law.kn, m_eff=MASS, beta=law.beta)
         turn = SPEED * (2.0 * numerics.dt + lasts * (engine.contact == "spring")) / RADIUS
         error, why = impact_error(engine, setup, law, MASS, struck.approach, RESTITUTION)
@@ -124,11 +124,11 @@ class HeldDisk:
         common: dict[str, Any] = {"truth": "analytic", "source": self.source, "why": why}
         for k, name in enumerate(("x", "y")):
             v = np.where(event, np.nan, np.where(t < struck.time, first[k], then[k]))
-            way = first[k] * np.minimum(t, struck.time) + then[k] * np.maximum(t - struck.time, 0.0)
+            path = first[k] * np.minimum(t, struck.time) + then[k] * np.maximum(t - struck.time, 0.0)
             found += [
                 Check(quantity=f"v{name}", norm="max", expected=v, atol=off, **common),
                 Check(quantity=f"v{name}_final", norm="scalar", expected=float(then[k]), atol=off, **common),
-                Check(quantity=name, norm="max", expected=way, atol=2.0 * SPEED * numerics.dt + off * (AFTER + numerics.dt), **common),
+                Check(quantity=name, norm="max", expected=path, atol=2.0 * SPEED * numerics.dt + off * (AFTER + numerics.dt), **common),
             ]  # fmt: skip
         rough = 1e-12 + single(engine, 1.0, numerics.n_steps)
         prescribed: dict[str, Any] = {
@@ -151,7 +151,9 @@ def impact_error(
         phase = math.sqrt(law.kn / mass) * (setup.numerics.contact_dt or setup.numerics.dt)
         error = (restitution * phase_error(phase, law.beta) + 1e-12) * approach
         return error, f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {law.beta:.3g}"
-    error = (1.0 + restitution) * approach * softness(engine) + 2.0 * single(engine, approach, setup.numerics.n_steps)
+    error = (1.0 + restitution) * approach * contact_softness(engine) + 2.0 * single(
+        engine, approach, setup.numerics.n_steps
+    )
     return error + 1e-12 * approach, "impulse of one step" + soft_reason(engine) + single_precision(engine)
 
 
@@ -160,7 +162,7 @@ def _frame(params: Mapping[str, Any]) -> float:
     return SPEED if params["partner"] == "held" else 0.0
 
 
-def _struck() -> Struck:
+def _struck_partner() -> Struck:
     return rebound_from_held_disk(place=PLACE, speed=SPEED, reach=2.0 * RADIUS, restitution=RESTITUTION)
 
 

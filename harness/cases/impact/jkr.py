@@ -123,7 +123,7 @@ class AdhesiveImpact:
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:  # fmt: skip
         """Closed forms, to what a step moves meanwhile."""
-        exact, way = neck(**ONE), _speed(params) * setup.numerics.dt
+        exact, path = neck(**ONE), _speed(params) * setup.numerics.dt
         source, rebound = "Johnson, Kendall & Roberts (1971)", _rebound(params)
         early = Difference.NECK_PARTS_AT_LARGEST_PULL in engine.differences
 
@@ -136,10 +136,10 @@ class AdhesiveImpact:
             )
 
         # Around its largest the pull is a parabola in the overlap, of which the steps see a place at most half of a way aside.
-        near = exact.pull_off + float(stable_contact(exact.pull_off_overlap + 0.5 * way, **ONE)[1])
-        late = float(stable_contact(exact.pull_off_overlap + way, **ONE)[1]) + exact.pull_off
+        near = exact.pull_off + float(stable_contact(exact.pull_off_overlap + 0.5 * path, **ONE)[1])
+        late = float(stable_contact(exact.pull_off_overlap + path, **ONE)[1]) + exact.pull_off
         # The contact begins with a pull, and ends with one, somewhere in a step.
-        unsure = way * (exact.touching_force + exact.breaking_force)
+        unsure = path * (exact.touching_force + exact.breaking_force)
         # Central differences change energies by the square of the phase of a step: of what the spheres exchange.
         hit = hertz_impact(e_star=E_STAR, radius=REDUCED, mass=M_EFF, speed=_speed(params))
         unsure += 0.5 * M_EFF * _speed(params) ** 2 * (math.pi * setup.numerics.dt / hit.duration) ** 2
@@ -162,8 +162,8 @@ class AdhesiveImpact:
             *found,
             Check(quantity="pull_off", norm="scalar", truth="analytic", expected=exact.pull_off, source=source,
                   atol=late if early else near, scale=exact.pull_off, why="a parabola, seen half a step aside"),
-            Check(quantity="break_gap", norm="scalar", truth="analytic", expected=gap - 0.5 * way, source=source, atol=0.5 * way,
-                  scale=gap, known=known(gap + exact.pull_off_overlap + 1.5 * way), why="the last step before the break, anywhere in it"),
+            Check(quantity="break_gap", norm="scalar", truth="analytic", expected=gap - 0.5 * path, source=source, atol=0.5 * path,
+                  scale=gap, known=known(gap + exact.pull_off_overlap + 1.5 * path), why="the last step before the break, anywhere in it"),
             Check(quantity="loss", norm="scalar", truth="analytic", expected=exact.loss, source="Thornton & Ning (1998)", atol=unsure,
                   scale=exact.loss, known=known(exact.loss - exact.pull_off_loss + unsure),
                   why="the first and the last pull act up to a step too long or too short; the square of a step's phase"),

@@ -31,6 +31,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     EXACT_STEP_RTOL,
     around_contact,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -39,10 +40,9 @@ from ninedisk.harness.cases.common import (
     series_and_final,
     single,
     soft_reason,
-    softness,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, excused, follows_associated_rule
+from ninedisk.harness.cases.differences import LIFTS, excused_checks, follows_associated_rule
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
@@ -253,16 +253,16 @@ class ObliqueImpact:
         if Difference.IMPACT_AS_SPRINGS in engine.differences:
             # Contacts of a convex problem: a sliding one is pushed open by mu times the part of its slip that it lets through.
             slip = abs(params["vt"] - RADIUS * params["spin"])
-            wide = [_pushed(check, params, params["mu"] * softness(engine) * slip) for check in rebound]
-            rebound = excused(rebound, wide, f"{engine.id}/{LIFTS}")
+            wide = [_with_push(check, params, params["mu"] * contact_softness(engine) * slip) for check in rebound]
+            rebound = excused_checks(rebound, wide, f"{engine.id}/{LIFTS}")
         return [*found, *rebound]
 
 
-def _pushed(check: Check, params: Mapping[str, Any], speed: float) -> Check:
+def _with_push(check: Check, params: Mapping[str, Any], speed: float) -> Check:
     """The check with room for a velocity away from the plane that is larger by ``speed`` [m/s]."""
-    room = {"vy": speed, "vy_final": speed, "restitution_effective": speed / params["vn"]}.get(check.quantity, 0.0)
+    margin = {"vy": speed, "vy_final": speed, "restitution_effective": speed / params["vn"]}.get(check.quantity, 0.0)
     why = f"{check.why}; a convex contact model: mu times the slip that a soft contact lets through opens it, {speed:.3g} m/s"
-    return replace(check, atol=check.atol + room, why=why)
+    return replace(check, atol=check.atol + margin, why=why)
 
 
 def _rebound(params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo) -> list[Check]:
@@ -270,7 +270,7 @@ def _rebound(params: Mapping[str, Any], setup: Setup, observed: Observed, engine
     truth = binding_truth(params, setup, engine, beta)
     contact = contact_duration(kn=params["kn"], m_eff=MASS, beta=setup.scene.walls[0].law.beta)
     event = around_contact(observed.t, params["gap"] / params["vn"], contact, setup.numerics.dt)
-    first, after = curves_of(before(params), setup), curves_of(truth.rebound, setup)
+    first, after = curves_of(approach_velocities(params), setup), curves_of(truth.rebound, setup)
     middle = params["gap"] / params["vn"]
     expected = {
         name: np.where(event, np.nan, np.where(observed.t < middle, first[name], after[name])) for name in NAMES
@@ -403,7 +403,7 @@ def curves_of(rebound: Rebound, setup: Setup) -> dict[str, float]:
     return {"vx": rebound.vx, "vy": rebound.vy, "spin": rebound.spin, "slip": slip, "energy": energy}
 
 
-def before(params: Mapping[str, Any]) -> Rebound:
+def approach_velocities(params: Mapping[str, Any]) -> Rebound:
     """Velocities before the impact."""
     return Rebound(params["vt"], -params["vn"], params["spin"])
 
@@ -452,7 +452,7 @@ def _rigid(params: Mapping[str, Any], setup: Setup, engine: EngineInfo) -> Truth
     along = abs(found.vx - params["vt"])
     largest = max(abs(params["vt"]), params["vn"], abs(params["spin"]) * radius)
     floor = ROUND_OFF * largest + 2.0 * single(engine, largest, 1)
-    vx, vy = floor + (along + mu * normal) * softness(engine), floor + normal * softness(engine)
+    vx, vy = floor + (along + mu * normal) * contact_softness(engine), floor + normal * contact_softness(engine)
     why = "impulses of one step at velocity level: round-off"
     why += (" of single precision" if engine.precision == "float32" else "") + soft_reason(engine)
     rule = "the associated sliding rule" if dilates else "Coulomb's law"

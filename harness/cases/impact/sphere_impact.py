@@ -15,7 +15,7 @@ from ninedisk.harness.api.case import Check, FloatArray, KnownDifference, Observ
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import single, single_precision
 from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
-from ninedisk.references.hertz_mindlin import Contact, Spun, impact, scheme_errors
+from ninedisk.references.hertz_mindlin import Contact, SpheresAfterImpact, impact, scheme_errors
 
 PLANE = np.array([[0.0, 0.0, -1.0], [0.8, 0.6, 0.0]])
 SPHERES = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0]])
@@ -96,8 +96,8 @@ def observed_of(contact: Contact, history: History) -> Observed:
         "spin_final": ("rad/s", float(series["spin"][1][-1])),
         "slip_final": ("m/s", float(slip[-1])),
         "restitution_effective": ("1", 0.0 - out / speed),
-        "overlap_max": ("m", peak(-gap)),
-        "force_max": ("N", peak(history.fn[:, 0])),
+        "overlap_max": ("m", parabola_peak(-gap)),
+        "force_max": ("N", parabola_peak(history.fn[:, 0])),
     }
     with np.errstate(divide="ignore", invalid="ignore"):
         left = history.t[-1] - float(np.float64(gap[-1]) / -out)
@@ -108,7 +108,7 @@ def observed_of(contact: Contact, history: History) -> Observed:
     return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
 
-def peak(values: FloatArray) -> float:
+def parabola_peak(values: FloatArray) -> float:
     """Top of the parabola through the largest value and its neighbours; NaN where there is none."""
     if not np.isfinite(values).all():
         return math.nan
@@ -120,7 +120,9 @@ def peak(values: FloatArray) -> float:
     return b + (a - c) ** 2 / (8.0 * bend) if bend > 0.0 else b
 
 
-def _known(name: str, atol: float, contact: Contact, engine: EngineInfo, setup: SphereSetup) -> KnownDifference | None:
+def _known_difference(
+    name: str, atol: float, contact: Contact, engine: EngineInfo, setup: SphereSetup
+) -> KnownDifference | None:
     """What a known difference of springs explains of one quantity after the impact, beside ``atol``.
 
     A dashpot pulls from where the force is 0, at ``e_0 v`` (`restitution_of_beta`), to where the overlap is, at ``e v``: without the pull
@@ -170,7 +172,7 @@ def rebound_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> 
 
 
 def rebound_within(
-    contact: Contact, truth: Spun, atol: FloatArray, engine: EngineInfo, setup: SphereSetup, *, truth_kind: TruthKind,
+    contact: Contact, truth: SpheresAfterImpact, atol: FloatArray, engine: EngineInfo, setup: SphereSetup, *, truth_kind: TruthKind,
     source: str, why: str, uncertainty: FloatArray | None = None,
 ) -> list[Check]:  # fmt: skip
     """Checks of a rebound; ``atol`` is that of velocities along n and t, and of spins."""
@@ -178,24 +180,24 @@ def rebound_within(
         contact.speed + abs(contact.first[1]) + contact.radius * max(abs(contact.first[2]), abs(contact.second[2]))
     )
     rough = ROUND_OFF * fastest + single(engine, fastest, setup.numerics.n_steps)
-    room = np.asarray(atol) + rough * np.array([1.0, 1.0, 2.5 / contact.radius])
+    bound = np.asarray(atol) + rough * np.array([1.0, 1.0, 2.5 / contact.radius])
     unsure = np.zeros(3) if uncertainty is None else uncertainty
     speed, turn = contact.speed, fastest / contact.radius
     parting = truth.second[0] - truth.first[0]
     flat = math.isinf(contact.radius_2)
     rows = [
-        ("restitution_effective", parting / speed, 2.0 * room[0] / speed, 1.0, unsure[0] / speed),
-        ("vt_final", truth.first[1], room[1], fastest, unsure[1]),
-        ("spin_final", truth.first[2], room[2], turn, unsure[2]),
+        ("restitution_effective", parting / speed, 2.0 * bound[0] / speed, 1.0, unsure[0] / speed),
+        ("vt_final", truth.first[1], bound[1], fastest, unsure[1]),
+        ("spin_final", truth.first[2], bound[2], turn, unsure[2]),
     ]
     if not flat:
         rows += [
-            ("vt_second", truth.second[1], room[1], fastest, unsure[1]),
-            ("spin_second", truth.second[2], room[2], turn, unsure[2]),
+            ("vt_second", truth.second[1], bound[1], fastest, unsure[1]),
+            ("spin_second", truth.second[2], bound[2], turn, unsure[2]),
         ]
     found = [
         Check(quantity=name, norm="scalar", truth=truth_kind, expected=float(expected), source=source, atol=float(each),
-              scale=float(scale), uncertainty=float(wide), why=why, known=_known(name, float(each), contact, engine, setup))
+              scale=float(scale), uncertainty=float(wide), why=why, known=_known_difference(name, float(each), contact, engine, setup))
         for name, expected, each, scale, wide in rows
     ]  # fmt: skip
     found.append(

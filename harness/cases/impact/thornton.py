@@ -12,14 +12,14 @@ from ninedisk.core.history import History
 from ninedisk.core.law import Elastic, SphereLaw, damping_ratio, moduli
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, SphereSetup, TruthKind, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import CONTACT_DT, contact_step, phase_error, soft_reason, softness
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.cases.common import CONTACT_DT, contact_softness, contact_step, phase_error, soft_reason
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, observed_of, rebound_checks, rebound_within, setup_of
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli
 from ninedisk.references.analytic.impact.oblique_impact import Rebound, rigid_rebound, spring_rebound
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration
-from ninedisk.references.hertz_mindlin import Contact, Spun, rebound
+from ninedisk.references.hertz_mindlin import Contact, SpheresAfterImpact, rebound
 
 RADIUS, MASS, MU, SPEED = 1.0, 4.0 / 3.0 * math.pi, 0.3, 1.0
 INERTIA_RATIO = 0.4
@@ -149,9 +149,9 @@ class Thornton:
             return _rigid_checks(contact, params, setup, engine)
 
         def lifting(setup: Any, engine: EngineInfo) -> list[Check]:
-            return allowing(LIFTS, setup, engine, rigid)
+            return checks_with_allowance(LIFTS, setup, engine, rigid)
 
-        return allowing(Difference.ARM_LESS_OVERLAP, setup, engine, lifting)
+        return checks_with_allowance(Difference.ARM_LESS_OVERLAP, setup, engine, lifting)
 
 
 def _rigid(contact: Contact, params: Mapping[str, Any], *, dilates: bool) -> Rebound:
@@ -164,15 +164,15 @@ def _springs(contact: Contact, beta: float) -> Rebound:
                           kn=KN, ks=SHEAR_RATIO * KN, beta=beta)  # fmt: skip
 
 
-def _within(
+def _rebound_checks(
     contact: Contact, found: Rebound, vt: float, vn: float, engine: EngineInfo, setup: SphereSetup, source: str, why: str
 ) -> list[Check]:  # fmt: skip
     """Checks of a rebound whose velocities may be off by ``vt`` along the plane and ``vn`` across it."""
     kind: TruthKind = "analytic"
     # Spin about n x t, n into the plane, turns the other way than one that rolls forward.
-    truth = Spun((-found.vy, found.vx, -found.spin), (0.0, 0.0, 0.0))
-    room: FloatArray = np.array([0.5 * vn, vt, vt / (INERTIA_RATIO * RADIUS)])
-    return rebound_within(contact, truth, room, engine, setup, truth_kind=kind, source=source, why=why)
+    truth = SpheresAfterImpact((-found.vy, found.vx, -found.spin), (0.0, 0.0, 0.0))
+    bound: FloatArray = np.array([0.5 * vn, vt, vt / (INERTIA_RATIO * RADIUS)])
+    return rebound_within(contact, truth, bound, engine, setup, truth_kind=kind, source=source, why=why)
 
 
 def _spring_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> list[Check]:
@@ -191,7 +191,7 @@ def _spring_checks(contact: Contact, setup: SphereSetup, engine: EngineInfo) -> 
     overlap, lost = SPEED * math.sqrt(MASS / KN) / RADIUS, abs(found.vx - slip)
     along = MU * normal + ((0.0 if slides else swing) + swing**2) * slip / ease + 2.0 * overlap * lost
     why = f"omega dt = {phase:.3g}; {'slides' if slides else 'sticks'} at first, Omega dt = {swing:.3g}; overlap/R = {overlap:.2g}"
-    return _within(
+    return _rebound_checks(
         contact, found, along, normal, engine, setup, "linear springs with Coulomb's cap, phase by phase", why
     )
 
@@ -201,7 +201,7 @@ def _rigid_checks(contact: Contact, params: Mapping[str, Any], setup: SphereSetu
     dilates = follows_associated_rule(engine, setup.numerics)
     found = _rigid(contact, params, dilates=dilates)
     normal, along = found.vy + SPEED, abs(found.vx - contact.first[1])
-    soft = softness(engine)
+    soft = contact_softness(engine)
     vt, vn = (along + MU * normal) * soft, normal * soft
     if Difference.IMPACT_AS_SPRINGS in engine.differences:
         vn += MU * soft * contact.first[1]
@@ -210,7 +210,9 @@ def _rigid_checks(contact: Contact, params: Mapping[str, Any], setup: SphereSetu
         vt += along * 2.0 / (1.0 + INERTIA_RATIO) * SPEED * setup.numerics.dt / RADIUS
     rule = "the associated sliding rule" if dilates else "Coulomb's law"
     why = f"impulses of one step at velocity level{soft_reason(engine)}"
-    return _within(contact, found, vt, vn, engine, setup, f"Newton's restitution and {rule} for the impulses", why)
+    return _rebound_checks(
+        contact, found, vt, vn, engine, setup, f"Newton's restitution and {rule} for the impulses", why
+    )
 
 
 CASE = Thornton()

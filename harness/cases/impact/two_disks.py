@@ -13,15 +13,15 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Check, FloatArray, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
+    contact_softness,
     contact_step,
     numerics_of,
     phase_error,
     single,
     single_precision,
     soft_reason,
-    softness,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.cases.impact.binary import ROUND_OFF, beta_for
 from ninedisk.references.analytic.impact.spring_dashpot import contact_duration, restitution_of_beta
 from ninedisk.references.analytic.impact.two_disks import Impact, Springs, two_disk_impact
@@ -79,7 +79,7 @@ class TwoDisks:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """The disks `FLIGHT` before they touch."""
-        mass, velocity, kn = _mass(params), _before(params), params["kn"]
+        mass, velocity, kn = _mass(params), _approach_velocities(params), params["kn"]
         normal = np.array(DIRECTION)
         place = RADIUS.sum() * normal - FLIGHT * (velocity[1, :2] - velocity[0, :2])
         beta = beta_for(params["restitution"])
@@ -125,7 +125,7 @@ class TwoDisks:
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """Restitution, and the spin of the light disk where rigid disks and the scene's springs agree on it."""
-        rigid, sprung = (_after(params, setup, springs=springs).velocity[0, 2] for springs in (False, True))
+        rigid, sprung = (_exact_rebound(params, setup, springs=springs).velocity[0, 2] for springs in (False, True))
         size = APPROACH / float(RADIUS[0])
         return (
             Headline(name="restitution", use="impacts", quantity="restitution_effective", expected=params["restitution"],
@@ -143,7 +143,7 @@ class TwoDisks:
         engine: EngineInfo,
     ) -> Sequence[Check]:
         """Momenta for all; velocities and spins by the kind of the contact."""
-        mass, first, steps = _mass(params), _before(params), setup.numerics.n_steps
+        mass, first, steps = _mass(params), _approach_velocities(params), setup.numerics.n_steps
         momentum = mass @ first[:, :2]
         fastest = float(np.abs(first[:, :2]).max())
         size = float(mass.max()) * fastest
@@ -166,19 +166,19 @@ class TwoDisks:
             why = "impulses act at the places of a step's begin or end: the displacement of two steps" + soft_reason(
                 engine
             )
-        impact = _after(params, setup, springs=engine.contact == "spring")
+        impact = _exact_rebound(params, setup, springs=engine.contact == "spring")
         if engine.contact == "spring":
             arm += _overlap(params)
         impulse = abs(impact.normal) + abs(impact.shear)
         found.append(
-            Check(quantity="moment_of_momentum", expected=moment, atol=rough + arm * impulse * (1.0 + softness(engine)),
+            Check(quantity="moment_of_momentum", expected=moment, atol=rough + arm * impulse * (1.0 + contact_softness(engine)),
                   scale=size * float(RADIUS.sum()), why=why, **common)
         )  # fmt: skip
 
         def after(setup: Setup, engine: EngineInfo) -> list[Check]:
             return _impact_checks(params, setup, engine, self.source)
 
-        return [*found, *allowing(LIFTS, setup, engine, after)]
+        return [*found, *checks_with_allowance(LIFTS, setup, engine, after)]
 
 
 def _mass(params: Mapping[str, Any]) -> FloatArray:
@@ -193,12 +193,12 @@ def _effective(params: Mapping[str, Any]) -> float:
     return 1.0 / float((1.0 / _mass(params)).sum())
 
 
-def _ease(params: Mapping[str, Any]) -> float:
+def _contact_mobility(params: Mapping[str, Any]) -> float:
     """What an impulse along the contact changes its slip by, over what one towards it changes the approach by."""
     return 1.0 + _effective(params) * float((RADIUS**2 / _inertia(params)).sum())
 
 
-def _before(params: Mapping[str, Any]) -> FloatArray:
+def _approach_velocities(params: Mapping[str, Any]) -> FloatArray:
     """Velocities and spins, shape (2, 3)."""
     nx, ny = DIRECTION
     second = VELOCITY - APPROACH * np.array([nx, ny]) + params["across"] * np.array([-ny, nx])
@@ -209,10 +209,10 @@ def _overlap(params: Mapping[str, Any]) -> float:
     return APPROACH * math.sqrt(_effective(params) / params["kn"])
 
 
-def _after(params: Mapping[str, Any], setup: Setup, *, springs: bool) -> Impact:
+def _exact_rebound(params: Mapping[str, Any], setup: Setup, *, springs: bool) -> Impact:
     law = setup.scene.disk_disk
     return two_disk_impact(
-        direction=DIRECTION, velocity=_before(params), radius=RADIUS, mass=_mass(params), inertia=_inertia(params), mu=MU,
+        direction=DIRECTION, velocity=_approach_velocities(params), radius=RADIUS, mass=_mass(params), inertia=_inertia(params), mu=MU,
         restitution=params["restitution"], springs=Springs(law.kn, law.ks, law.beta) if springs else None,
     )  # fmt: skip
 
@@ -224,8 +224,8 @@ def _errors(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, impact:
     """
     m, law = _effective(params), setup.scene.disk_disk
     if engine.contact != "spring":
-        s = softness(engine)
-        largest = float(np.abs(_before(params)[:, :2]).max())
+        s = contact_softness(engine)
+        largest = float(np.abs(_approach_velocities(params)[:, :2]).max())
         floor = float(_mass(params).max()) * (
             ROUND_OFF * largest + 2.0 * single(engine, largest, setup.numerics.n_steps)
         )
@@ -239,11 +239,11 @@ def _errors(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, impact:
         return normal, along, why
     contact_dt = setup.numerics.contact_dt or setup.numerics.dt
     phase = math.sqrt(law.kn / m) * contact_dt
-    swing = math.sqrt(_ease(params) * law.ks / m) * contact_dt
+    swing = math.sqrt(_contact_mobility(params) * law.ks / m) * contact_dt
     slip = abs(_slip(params))
     normal = m * APPROACH * (restitution_of_beta(law.beta) * phase_error(phase, law.beta) + ROUND_OFF)
     slides = slip * law.ks > MU * APPROACH * law.kn and law.beta == 0.0
-    along = MU * normal + m * ((0.0 if slides else swing) + swing**2) * slip / _ease(params)
+    along = MU * normal + m * ((0.0 if slides else swing) + swing**2) * slip / _contact_mobility(params)
     along += 2.0 * _overlap(params) / float(RADIUS.min()) * abs(impact.shear)
     why = f"phase of the impact in the contact step: omega dt = {phase:.3g}, beta = {law.beta:.4g}, Omega dt = {swing:.3g}"
     return normal, along, why
@@ -255,10 +255,10 @@ def _slip(params: Mapping[str, Any]) -> float:
 
 
 def _impact_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, source: str) -> list[Check]:
-    impact = _after(params, setup, springs=engine.contact == "spring")
+    impact = _exact_rebound(params, setup, springs=engine.contact == "spring")
     law, numerics, mass, inertia = setup.scene.disk_disk, setup.numerics, _mass(params), _inertia(params)
     normal, along, why = _errors(params, setup, engine, impact)
-    first = _before(params)
+    first = _approach_velocities(params)
     lasts = contact_duration(kn=law.kn, m_eff=_effective(params), beta=law.beta) if engine.contact == "spring" else 0.0
     late = (2.0 * numerics.dt if engine.contact != "spring" else numerics.contact_dt or numerics.dt) + lasts
     speed = float(np.hypot(*(first[1, :2] - first[0, :2])))
@@ -266,7 +266,7 @@ def _impact_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, 
     # The line of centres turns: so do the impulses, and the approach and the slip that they are of.
     m, e = _effective(params), params["restitution"]
     normal += m * (1.0 + e) * speed * turn
-    along += max(MU * m * (1.0 + e), m / _ease(params)) * speed * turn
+    along += max(MU * m * (1.0 + e), m / _contact_mobility(params)) * speed * turn
     off = normal + along + turn * (abs(impact.normal) + abs(impact.shear))
     why = f"the line of centres turns by {turn:.2g} rad in what an impact may be late or early; {why}"
     atol = np.column_stack([off / mass, off / mass, RADIUS * along / inertia])
@@ -281,10 +281,10 @@ def _impact_checks(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, 
     for k in range(2):
         place = setup.scene.disks.x[k] + FLIGHT * first[k, :2] + flown * impact.velocity[k, :2]
         change = float(np.hypot(*(impact.velocity[k, :2] - first[k, :2])))
-        way = float(atol[k, 0]) * flown + change * late + np.abs(first[k, :2]).max() * 2.0 * ROUND_OFF
-        way += single(engine, float(np.abs(place).max()), numerics.n_steps)
+        path = float(atol[k, 0]) * flown + change * late + np.abs(first[k, :2]).max() * 2.0 * ROUND_OFF
+        path += single(engine, float(np.abs(place).max()), numerics.n_steps)
         found += [
-            Check(quantity=f"{axis}_{k + 1}_final", expected=float(place[c]), atol=way + softness(engine) * change * flown,
+            Check(quantity=f"{axis}_{k + 1}_final", expected=float(place[c]), atol=path + contact_softness(engine) * change * flown,
                   scale=float(RADIUS[k]), why="flight before and after, the impact within two steps; " + why, **common)
             for c, axis in enumerate(("x", "y"))
         ]  # fmt: skip

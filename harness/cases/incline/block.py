@@ -26,6 +26,7 @@ from ninedisk.harness.cases.common import (
     STEP,
     STIFFNESS,
     THETA,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -36,12 +37,11 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
     summed_round_off,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.incline.shown import BLOCK_CLAIMS, BLOCK_FIGURES
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.incline.figures import BLOCK_CLAIMS, BLOCK_FIGURES
 from ninedisk.references.analytic.on_plane.incline import acceleration, critical_mu, incline
 from ninedisk.references.exact_steps.incline import (
     associated_incline,
@@ -171,7 +171,7 @@ class InclineBlock:
             held = np.float64(scalars["fs_mean"][1] + inertial) / scalars["fn_mean"][1]
         scalars["mu_crit"] = ("1", float(held))
         scalars["lift"] = ("m", float(np.maximum(series["gap"][1], 0.0).max()))
-        if not sticks(params):
+        if not block_sticks(params):
             lift = series["gap"][1][-1] - series["gap"][1][0]
             with np.errstate(divide="ignore", invalid="ignore"):
                 scalars["dilation"] = (
@@ -192,20 +192,20 @@ class InclineBlock:
         """
         angle, t_end = math.radians(params["angle_deg"]), float(observed.t[-1])
         truth = incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"])
-        way, scale_is = float(truth.x[-1]), "distance of the sliding block"
+        path, scale_is = float(truth.x[-1]), "distance of the sliding block"
         free = 0.5 * params["g"] * math.sin(angle) * t_end**2
         scale, scale_is = (
-            (free, "distance without friction") if sticks(params) else (way, "distance of the sliding block")
+            (free, "distance without friction") if block_sticks(params) else (path, "distance of the sliding block")
         )
         return (
-            Headline(name="distance down the incline", use="rest" if sticks(params) else "sliding", quantity="x_final", expected=way,
+            Headline(name="distance down the incline", use="rest" if block_sticks(params) else "sliding", quantity="x_final", expected=path,
                      source="(A.7)", scale=scale, scale_is=scale_is),
             Headline(name="lift of the block", use="sliding", quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
                      scale=scale, scale_is=scale_is),
-            Headline(name="force on the incline", use="rest" if sticks(params) else "sliding", quantity="fn",
+            Headline(name="force on the incline", use="rest" if block_sticks(params) else "sliding", quantity="fn",
                      expected=float(truth.fn[-1]), source="m g cos", scale=params["mass"] * params["g"], scale_is="weight",
                      window=(int(observed.step[second_half(observed.t)]), int(observed.step[-1]))),
-            Headline(name="friction on the incline", use="rest" if sticks(params) else "sliding", quantity="fs_mean",
+            Headline(name="friction on the incline", use="rest" if block_sticks(params) else "sliding", quantity="fs_mean",
                      expected=float(truth.fs[-1]), source="mu m g cos, or m g sin at rest", scale=params["mass"] * params["g"],
                      scale_is="weight"),
         )  # fmt: skip
@@ -226,12 +226,12 @@ class InclineBlock:
         difference = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
         return [
             *exact,
-            *allowing(difference, setup, engine, continuous),
+            *checks_with_allowance(difference, setup, engine, continuous),
             *_dilation(params, setup, observed, engine, bounds(setup, engine)),
         ]
 
 
-def sticks(params: Mapping[str, Any]) -> bool:
+def block_sticks(params: Mapping[str, Any]) -> bool:
     """Whether the block should stay where it is."""
     return bool(params["mu"] >= critical_mu(angle=math.radians(params["angle_deg"])))
 
@@ -245,7 +245,7 @@ def _dilation(
     ``mu v dt/(1 + mu^2)``, as (A.4) has it, and the velocity ``mu v`` carries it on by ``(mu v)^2/(2 g cos)`` at most.
     """
     mu = params["mu"]
-    if sticks(params) or mu == 0.0:
+    if block_sticks(params) or mu == 0.0:
         return []
     numerics = setup.numerics
     associated = follows_associated_rule(engine, numerics)
@@ -254,7 +254,7 @@ def _dilation(
     angle = math.radians(params["angle_deg"])
     speed = float(incline(observed.t, mu=params["mu"], angle=angle, g=params["g"], mass=params["mass"]).vx[-1])
     length = mu * speed * numerics.dt
-    if chatters(engine):
+    if block_chatters(engine):
         flight = mu * speed / (2.0 * params["g"] * math.cos(angle) * numerics.dt)
         return [
             Check(quantity="dilation_peak", norm="scalar", truth="analytic", expected=1.0,
@@ -302,7 +302,7 @@ def _analytic(params: Mapping[str, Any], observed: Observed, bounds: Bounds) -> 
               source="tan(angle)", atol=(bounds.force + 2.0 * params["mass"] * bounds.gain / elapsed) / weight,
               why=bounds.why["fs"]),
     )  # fmt: skip
-    if sticks(params):
+    if block_sticks(params):
         found.append(
             Check(quantity="creep_rate", norm="scalar", truth="analytic", expected=0.0,
                   source="Coulomb: a stuck block rests", atol=bounds.creep / elapsed, why=bounds.why["creep"],
@@ -315,7 +315,7 @@ def _sizes(params: Mapping[str, Any], observed: Observed) -> dict[str, float]:
     """Sizes of what is zero: a gap's is the radius; a block at rest may be off by a part of what it does without friction."""
     t_end = float(observed.t[-1])
     free = params["g"] * math.sin(math.radians(params["angle_deg"])) * t_end
-    return {"gap": RADIUS} | ({"vx": free, "x": 0.5 * free * t_end} if sticks(params) else {})
+    return {"gap": RADIUS} | ({"vx": free, "x": 0.5 * free * t_end} if block_sticks(params) else {})
 
 
 class Bounds(NamedTuple):
@@ -444,7 +444,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
         "fs": mu * mass * mu * a * lift + 1e-10 * weight,
     }
     # An impulse of one step is the small difference of velocities that carry the round-off of one step.
-    force = softness(engine) * weight + single(engine, weight, 1)
+    force = contact_softness(engine) * weight + single(engine, weight, 1)
     atol |= {"fn": atol["fn"] + force, "fs": atol["fs"] + force}
     rule = "; dilation of the associated rule" if associated else ""
     mean = dict(atol)
@@ -479,7 +479,7 @@ def first_order_bounds(params: Mapping[str, Any], setup: Setup, engine: EngineIn
     )
     if Difference.FRICTION_LAGS in engine.differences and not params["preload"]:
         bounds = _first_step_smooth(params, bounds, dt, t_end)
-    return chatter_bounds(params, setup, bounds, mean) if chatters(engine) and a > 0.0 else bounds
+    return chatter_bounds(params, setup, bounds, mean) if block_chatters(engine) and a > 0.0 else bounds
 
 
 def _first_step_smooth(params: Mapping[str, Any], bounds: Bounds, dt: float, t_end: float) -> Bounds:
@@ -504,7 +504,7 @@ def _first_step_smooth(params: Mapping[str, Any], bounds: Bounds, dt: float, t_e
     )
 
 
-def chatters(engine: EngineInfo) -> bool:
+def block_chatters(engine: EngineInfo) -> bool:
     """Whether a sliding block of this engine leaves the plane and lands again: a convex model that detects contacts by overlap."""
     return engine.dilates and engine.contact != "cd"
 

@@ -27,8 +27,8 @@ from ninedisk.harness.cases.common import (
     slack_time,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, excused
-from ninedisk.harness.cases.incline.block import PHASE, RADIUS, chatters, first_order_bounds, spring_bounds
+from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, excused_checks
+from ninedisk.harness.cases.incline.block import PHASE, RADIUS, block_chatters, first_order_bounds, spring_bounds
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.incline import acceleration
 
@@ -150,16 +150,16 @@ class HoldAndCreep:
         the largest ``|fs|/(mu m g cos) - fn/(m g cos)`` of the samples after the first, 0 within the cone.
         """
         normal, down = _normals(setup)
-        way = np.einsum("snd,nd->sn", history.x - setup.scene.disks.x, down)[:, ::-1]
+        path = np.einsum("snd,nd->sn", history.x - setup.scene.disks.x, down)[:, ::-1]
         half = second_half(history.t)
         elapsed = float(history.t[-1] - history.t[half])
-        speed = (way[-1] - way[half]) / elapsed
+        speed = (path[-1] - path[half]) / elapsed
         load = (params["mass"] * params["g"] * normal[:, 1])[::-1]
         beyond = (np.abs(history.fs[:, ::-1]) / params["mu"] - history.fn[:, ::-1]) / load
         beyond[0] = 0.0  # step-mean forces have no value before the first step
         holds = np.array(RATIOS) < 1.0
         series = {
-            "creep": ("m", np.abs(way[:, holds]).max(axis=1)),
+            "creep": ("m", np.abs(path[:, holds]).max(axis=1)),
             "cone": ("1", np.maximum(beyond.max(axis=1), 0.0)),
         }
         least = FIRST * _coulomb(params, RATIOS[int(holds.sum())]) * 0.5 * float(history.t[-1] + history.t[half])
@@ -197,7 +197,7 @@ class HoldAndCreep:
         return [
             check
             for one, two in zip(right, wide, strict=True)
-            for check in excused([one], [two], f"{engine.id}/{words[one.quantity]}")
+            for check in excused_checks([one], [two], f"{engine.id}/{words[one.quantity]}")
         ]
 
 
@@ -303,7 +303,7 @@ def _limits(params: Mapping[str, Any], setup: Setup, observed: Observed, engine:
         if Difference.FRICTION_LAGS in engine.differences and ratio < 1.0:
             yields /= math.sqrt(1.0 - ratio**2)
         creep = bounds.creep / elapsed if yields == 0.0 else yields * (1.0 + 1e-6) + 2e-12
-        slide = late + (params["mu"] * bounds.atol["gap"] / elapsed if chatters(engine) else bounds.atol["vx"])
+        slide = late + (params["mu"] * bounds.atol["gap"] / elapsed if block_chatters(engine) else bounds.atol["vx"])
     load = params["mass"] * params["g"] * math.cos(angle)
     return Limits(creep, slide, (bounds.atol["fs"] / params["mu"] + bounds.atol["fn"]) / load, bounds.why)
 

@@ -135,7 +135,7 @@ class Invariance:
         full = resolve(case, overrides).params
         return case, full, case.build(full)
 
-    def seen(self, params: Mapping[str, Any]) -> tuple[Setup, float]:
+    def observed_problem(self, params: Mapping[str, Any]) -> tuple[Setup, float]:
         """The problem that is seen, in its own units, and the speed of the observer [m/s]."""
         return self.original(params)[2], math.hypot(*self.frame(params).velocity)
 

@@ -74,7 +74,7 @@ class Forces:
                 end=end,
             )
             for disk in (0, 1)
-            for begin, end, size in _spans(params)
+            for begin, end, size in _force_segments(params)
         ]
         disks = Disks(
             x=np.array([[0.0, 0.0], [SHIFT, 0.0], [2.0 * SHIFT, 0.0]]),
@@ -89,11 +89,11 @@ class Forces:
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
         """Ways and velocities of the first disk, spins of the second one, and what is not as Newton's first law has it of the third."""
-        way = history.x - setup.scene.disks.x
+        path = history.x - setup.scene.disks.x
         alone = np.abs(history.v[:, 2] - np.array(V0)).max(axis=1)
         series = {
-            "x": ("m", way[:, 0, 0]),
-            "y": ("m", way[:, 0, 1]),
+            "x": ("m", path[:, 0, 0]),
+            "y": ("m", path[:, 0, 1]),
             "vx": ("m/s", history.v[:, 0, 0]),
             "vy": ("m/s", history.v[:, 0, 1]),
             "vx_turned": ("m/s", history.v[:, 1, 0]),
@@ -105,13 +105,13 @@ class Forces:
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """Where the pushed disk gets, along its motion and across it, and the spin that a torque gives."""
-        end, across = _along(params, observed.t, 0), _along(params, observed.t, 1)
-        turned = _spun(params, observed.t)
-        scale = float(np.abs(end.way - V0[0] * observed.t).max(initial=0.0))
+        end, across = _exact_translation(params, observed.t, 0), _exact_translation(params, observed.t, 1)
+        turned = _exact_spin(params, observed.t)
+        scale = float(np.abs(end.path - V0[0] * observed.t).max(initial=0.0))
         return (
-            Headline(name="distance under a force", use="energy", quantity="x_final", expected=float(end.way[-1]), source=self.source,
+            Headline(name="distance under a force", use="energy", quantity="x_final", expected=float(end.path[-1]), source=self.source,
                      scale=scale, scale_is="distance that the force adds"),
-            Headline(name="distance across", use="energy", quantity="y_final", expected=float(across.way[-1]), source=self.source,
+            Headline(name="distance across", use="energy", quantity="y_final", expected=float(across.path[-1]), source=self.source,
                      scale=scale, scale_is="distance that the force adds"),
             Headline(name="spin under a torque", use="energy", quantity="spin_final", expected=float(turned[-1]), source=self.source,
                      scale=float(np.abs(turned - SPIN0).max(initial=0.0)) or 1.0, scale_is="spin that the torque adds"),
@@ -123,7 +123,7 @@ class Forces:
         """Impulses to round-off where no force begins or ends within a step; places to the first order of any scheme."""
         dt, t = setup.numerics.dt, observed.t
         # A step gets its mean force: within half of one to either side of an end velocities are between two.
-        ends = [time for begin, end, _ in _spans(params) for time in (begin, end) if 0.0 < time < math.inf]
+        ends = [time for begin, end, _ in _force_segments(params) for time in (begin, end) if 0.0 < time < math.inf]
         near = np.zeros_like(t, dtype=bool)
         for time in ends:
             near |= np.abs(t - time) < dt
@@ -145,13 +145,13 @@ class Forces:
             if central
             else "positions by the speed of either end of a step: first order in dt"
         )
-        curves = {f"{axis}": _along(params, t, k) for k, axis in enumerate("xy")}
+        curves = {f"{axis}": _exact_translation(params, t, k) for k, axis in enumerate("xy")}
         # The sum of speeds at a step's end is the trapezoidal one and half of what the speed has changed by, times dt.
         shift = {name: 0.5 * (place or 0.0) * dt * (curve.rate - curve.rate[0]) for name, curve in curves.items()}
-        angular = _spun(params, t)
+        angular = _exact_spin(params, t)
         expected: dict[str, tuple[FloatArray, float, str, float]] = {
-            "x": (curves["x"].way + shift["x"], lag, late, float(np.abs(curves["x"].way).max())),
-            "y": (curves["y"].way + shift["y"], lag, late, float(np.abs(curves["y"].way).max())),
+            "x": (curves["x"].path + shift["x"], lag, late, float(np.abs(curves["x"].path).max())),
+            "y": (curves["y"].path + shift["y"], lag, late, float(np.abs(curves["y"].path).max())),
             "vx": (np.where(near, np.nan, curves["x"].rate), rough, exact, fastest),
             "vy": (np.where(near, np.nan, curves["y"].rate), rough, exact, fastest),
             "vx_turned": (np.where(near, np.nan, curves["x"].rate), rough, exact, fastest),
@@ -168,7 +168,7 @@ class Forces:
         ]  # fmt: skip
 
 
-def _spans(params: Mapping[str, Any]) -> list[tuple[float, float, float]]:
+def _force_segments(params: Mapping[str, Any]) -> list[tuple[float, float, float]]:
     """(begin, end, size) of the segments."""
     if params["span"] == "constant":
         return [(0.0, math.inf, 1.0)]
@@ -185,15 +185,15 @@ def _place_in_step(setup: Setup, engine: EngineInfo) -> float | None:
     return places.get(engine.scheme)
 
 
-def _spun(params: Mapping[str, Any], t: FloatArray) -> FloatArray:
+def _exact_spin(params: Mapping[str, Any], t: FloatArray) -> FloatArray:
     """Spin [rad/s] under the torque, shape (s,)."""
-    segments = [(b, min(e, 1e3), TORQUE * s) for b, e, s in _spans(params)]
+    segments = [(b, min(e, 1e3), TORQUE * s) for b, e, s in _force_segments(params)]
     return under_segments(t, inertia=0.5 * MASS * RADIUS**2, start=SPIN0, segments=segments).rate
 
 
-def _along(params: Mapping[str, Any], t: FloatArray, axis: int) -> Driven:
+def _exact_translation(params: Mapping[str, Any], t: FloatArray, axis: int) -> Driven:
     until = float(t[-1]) + 1.0
-    segments = [(begin, min(end, until), size * FORCE[axis]) for begin, end, size in _spans(params)]
+    segments = [(begin, min(end, until), size * FORCE[axis]) for begin, end, size in _force_segments(params)]
     return under_segments(t, inertia=MASS, start=V0[axis], segments=segments)
 
 

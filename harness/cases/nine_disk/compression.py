@@ -17,6 +17,7 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setu
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.matched import core_history
 from ninedisk.harness.cases.nine_disk.converged import FirstOrder, Limit, consensus_checks, converged_checks
+from ninedisk.harness.cases.nine_disk.figures import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
     DAMPING_FORM,
@@ -34,7 +35,6 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
-from ninedisk.harness.cases.nine_disk.shown import COMPRESSION_CLAIMS, COMPRESSION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.references.analytic.assembly.compression import (
     continuous_row,

@@ -16,10 +16,11 @@ from ninedisk.core.scene import WallSegment
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.differences import allowing
+from ninedisk.harness.cases.differences import checks_with_allowance
 from ninedisk.harness.cases.matched import core_history, slip_of
 from ninedisk.harness.cases.nine_disk.compression import outline_check
 from ninedisk.harness.cases.nine_disk.converged import FirstOrder, Limit, consensus_checks, converged_checks
+from ninedisk.harness.cases.nine_disk.figures import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nine_disk.scene import (
     CENTRE,
     DAMPING_FORM,
@@ -36,7 +37,6 @@ from ninedisk.harness.cases.nine_disk.scene import (
     nine_disks,
     shear_growth,
 )
-from ninedisk.harness.cases.nine_disk.shown import DISTORTION_CLAIMS, DISTORTION_FIGURES
 from ninedisk.harness.cases.nurbs.grains import SHAPE, as_disks, as_outlines, overlap_error
 from ninedisk.references.analytic.assembly.compression import row_frequency, steady_force
 
@@ -197,7 +197,7 @@ class Distortion:
         self, params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """Converged histories, the friction cone, symmetry, and the in-house DEM for engines of its scheme."""
-        return allowing(
+        return checks_with_allowance(
             Difference.FIXED_WALL_SHEAR,
             setup,
             engine,
@@ -321,10 +321,10 @@ def _first_order() -> FirstOrder:
     load = LOAD_CASES["a1"]
     apart = 2.0 * RADIUS * RATE
     omega = row_frequency(kn=load.kn, mass=MASS)
-    way = apart / omega + apart * load.dt
+    path = apart / omega + apart * load.dt
     return FirstOrder(
-        force=load.kn * way,
-        length=way,
+        force=load.kn * path,
+        length=path,
         lag=0.5 * omega * load.dt,
         why="first-order scheme: the oscillation of neighbours from the walls' start, kn v/omega, and a step's way of lag, kn v dt",
     )

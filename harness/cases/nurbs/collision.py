@@ -13,7 +13,7 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import contact_step, where_observed
+from ninedisk.harness.cases.common import at_observed, contact_step
 from ninedisk.harness.cases.nurbs.grains import grains, uniform
 from ninedisk.references.analytic.impact.ellipse_collision import ChordWork, MovingEllipse, chord_work
 
@@ -157,7 +157,7 @@ class Collision:
                 0.25 * phase**2,
                 f"(omega dt)^2/4, omega dt = {phase:.2g}: what central differences lose at a contact's closest",
             )
-            whole = where_observed(
+            whole = at_observed(
                 observed, engine, "energy_total", np.full_like(observed.t, observed.series["energy"][1][0])
             )
             found.append(

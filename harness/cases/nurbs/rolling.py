@@ -29,6 +29,7 @@ from ninedisk.harness.cases.common import (
     CONTACT_DT,
     CONTACT_DYNAMICS,
     THETA,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -36,7 +37,6 @@ from ninedisk.harness.cases.common import (
     single,
     slack_time,
     soft_reason,
-    softness,
     whole_steps,
 )
 from ninedisk.harness.cases.matched import slip_of
@@ -156,7 +156,7 @@ class RollingGrain:
             n_steps=whole_steps(
                 params,
                 DURATION,
-                at_least=half_way(params, start),
+                at_least=arrival_time(params, start),
                 event="rolling over half a face (the ellipse: over its longer axis)",
             ),
             contact_dt=contact_step(params["dt"], 0.1 / math.sqrt(kn * lever)),
@@ -208,12 +208,12 @@ class RollingGrain:
         weight = float(setup.scene.disks.mass[GRAIN]) * G
         radius, t_end = float(setup.scene.disks.radius[DISK]), float(observed.t[-1])
         disk = roll_rates(mu=params["mu"], angle=start.angle, g=G, mass=weight / G, radius=radius)
-        way = 0.5 * disk.along * t_end**2
-        time = half_way(params, start) if above else math.nan
+        path = 0.5 * disk.along * t_end**2
+        time = arrival_time(params, start) if above else math.nan
         rests = not above and params["grain"] == "polygon"
         return (
-            Headline(name="distance of the disk", use="rolling", quantity="way_disk", expected=way,
-                     source="a uniform disk rolls with 2/3 g sin", scale=way, scale_is="distance of the rigid disk"),
+            Headline(name="distance of the disk", use="rolling", quantity="way_disk", expected=path,
+                     source="a uniform disk rolls with 2/3 g sin", scale=path, scale_is="distance of the rigid disk"),
             Headline(name="time to roll over half a face", use="rolling", quantity="t_half", expected=time,
                      source="quadrature of the energy's equation", scale=time if above else t_end,
                      scale_is="time of the rigid grain" if above else "length of the run"),
@@ -263,7 +263,7 @@ class RollingGrain:
             zero = 0.0 * observed.series["unbalance"][1]
             found.append(check("unbalance", "max", zero, "energy of rolling without slip"))
         if above:
-            found.append(check("t_half", "scalar", half_way(params, start), "quadrature of the energy's equation"))
+            found.append(check("t_half", "scalar", arrival_time(params, start), "quadrature of the energy's equation"))
         elif params["grain"] == "polygon":
             found += [
                 check("turned", "max", np.zeros_like(observed.t), "rest: the weight meets the plane within the face"),
@@ -291,7 +291,7 @@ def kind_of(params: Mapping[str, Any]) -> UniformGrain:
     return uniform(DENSITY, regular_polygon, params["faces"], APOTHEM, roundness=params["roundness"])
 
 
-def half_way(params: Mapping[str, Any], start: Release) -> float:
+def arrival_time(params: Mapping[str, Any], start: Release) -> float:
     """When a grain that rolls has done so by `Release.reach` [s]; 0 below the slope that tips it."""
     if params["steepness"] < 1.0:
         return 0.0
@@ -359,7 +359,7 @@ def release(params: Mapping[str, Any]) -> Release:
     angle, face = math.atan(steepness * tipping_slope(shape)), 2.0 * math.pi / params["faces"]
     if steepness > 1.0:
         return _released(shape, angle, LEAN, 0.5 * face, face)
-    phi = standing(shape, angle, overlap_of(shape, angle, params["kn"]))
+    phi = leaning_angle(shape, angle, overlap_of(shape, angle, params["kn"]))
     height = float(shape.height(np.array(phi)))
     return Release(shape, angle, phi, height, 0.5 * face, face, math.cos(angle), math.sin(angle))
 
@@ -375,7 +375,7 @@ def overlap_of(shape: RoundedPolygon | EllipseShape, angle: float, kn: float) ->
     return DENSITY * shape.area * G * math.cos(angle) / kn
 
 
-def standing(shape: RoundedPolygon, angle: float, overlap: float) -> float:
+def leaning_angle(shape: RoundedPolygon, angle: float, overlap: float) -> float:
     """Angle [rad] by which a polygon leans forward when it rests on springs: its chord's middle is then below its centroid.
 
     The chord reaches from where the lower corner leaves the plane to where the face, tilted by the angle, leaves it. The shear force
@@ -450,15 +450,15 @@ def _springs(
     contact_dt = float(setup.numerics.contact_dt or setup.numerics.dt)
     t_end, radius, weight = float(observed.t[-1]), float(disks.radius[1]), float(disks.mass[0]) * G
     d = overlap_of(start.shape, start.angle, kn)
-    ways = start.reach * (0.5 * (1.0 + NODES)) ** 2
+    paths = start.reach * (0.5 * (1.0 + NODES)) ** 2
     with np.errstate(invalid="ignore"):
-        gained = energy_gained(start.shape, start.phi + ways, start=start.phi, angle=start.angle, g=G) / G
-        spin = spin_at(start.shape, start.phi + ways, start=start.phi, angle=start.angle, g=G)
-    phi = start.phi + ways
+        gained = energy_gained(start.shape, start.phi + paths, start=start.phi, angle=start.angle, g=G) / G
+        spin = spin_at(start.shape, start.phi + paths, start=start.phi, angle=start.angle, g=G)
+    phi = start.phi + paths
     p, q = start.shape.height(phi), start.shape.ahead(phi)
     behind = 0.5 * contact_dt if slip_of(setup.scene.disk_disk.slip_at, engine) == "end" else 0.0
     late = behind * float(np.nanmax(np.abs(p * q * spin**3), initial=0.0)) / G
-    missing = d * _arm_work(start, ways, d)
+    missing = d * _arm_work(start, paths, d)
     top = float(np.nanmax(gained, initial=0.0))
     held = 1.5 + 0.5 * math.tan(start.angle) ** 2 + 2.0 * top / start.height
     # The time's integrand over u, way = reach u^2, times half of the energy's relative error.
@@ -489,13 +489,13 @@ def _springs(
     )
 
 
-def _arm_work(start: Release, ways: FloatArray, d: float) -> FloatArray:
-    """What the arm of the chord's middle takes from the work of the weight, over weight and overlap, after rolling on by ``ways``."""
+def _arm_work(start: Release, paths: FloatArray, d: float) -> FloatArray:
+    """What the arm of the chord's middle takes from the work of the weight, over weight and overlap, after rolling on by ``paths``."""
     if isinstance(start.shape, RoundedPolygon):
         rho = start.shape.roundness * start.shape.apothem
         all_round = math.sqrt(2.0 * d / rho) if rho > 0.0 else math.inf
-        return np.asarray(0.5 * np.log1p(np.minimum(ways, all_round) / LEAN))
-    at = np.concatenate([start.phi + ways, [start.phi]])
+        return np.asarray(0.5 * np.log1p(np.minimum(paths, all_round) / LEAN))
+    at = np.concatenate([start.phi + paths, [start.phi]])
     radius = start.shape.height(at) + start.shape.bend(at)
     return np.asarray(np.abs(np.log(radius[:-1] / radius[-1])) / 3.0)
 
@@ -528,7 +528,7 @@ def _rigid(
             "t_half": 4.0 * dt + rough,
             "turned": 2.0 * lean + rough / start.height,
             "spin": (1e-9 * speed + rough / t_end) / start.height,
-            "force": (softness(engine) + 1e-6) * weight + single(engine, weight, 1),
+            "force": (contact_softness(engine) + 1e-6) * weight + single(engine, weight, 1),
             "x_disk": dt * G * math.sin(start.angle) * t_end + d + rough,
         },
         why={

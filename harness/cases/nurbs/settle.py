@@ -67,7 +67,7 @@ class Settle:
 
     def build(self, params: Mapping[str, Any]) -> Setup:
         """One grain above a plane, axes along it."""
-        grain = uniform(DENSITY, waisted)
+        grain = uniform(DENSITY, waisted_outline)
         height = FALL - lowest(grain.outline, TILT)[1]
         law = ContactLaw(kn=KN, ks=0.5 * KN, mu=MU, beta=BETA, lever_arm="overlap", regularised=True, restitution=0.0)
         plane = Wall(name="plane", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
@@ -129,9 +129,9 @@ class Settle:
             rough and engine.contact != "spring" and engine.scheme != "theta"
         ):  # rounding decides in which step a foot lands: a step's fall may stay
             rough += G * setup.numerics.dt**2
-        frequency, decay = modes(setup)
+        frequency, decay = slowest_modes(setup)
 
-        def left(time: float) -> tuple[float, float, str]:
+        def remaining_motion(time: float) -> tuple[float, float, str]:
             """Energy [J] and displacement [m] that are left at a time, and the reason."""
             energy = fall_energy(setup) * math.exp(-2.0 * decay * (time - LANDED))
             top = math.sqrt(2.0 * energy / mass) + speed
@@ -139,8 +139,8 @@ class Settle:
             why += single_precision(engine)
             return 0.5 * mass * top**2, top / frequency, why
 
-        energy, way, why = left(SETTLED)
-        _, swing, why_end = left(END)
+        energy, path, why = remaining_motion(SETTLED)
+        _, swing, why_end = remaining_motion(END)
         rest: dict[str, Any] = {"norm": "scalar", "truth": "analytic", "expected": 0.0, "why": why}
         common: dict[str, Any] = {"norm": "scalar", "truth": "analytic", "why": why_end}
         force = 2.0 * KN * swing
@@ -149,7 +149,7 @@ class Settle:
             Check(quantity="fs_final", expected=-weight * math.sin(slope), source="balance of forces: weight along the slope",
                   atol=force, scale=weight, **common),
             Check(quantity="kinetic_settled", source="rest", atol=energy, scale=fall_energy(setup), **rest),
-            Check(quantity="way_settled", source="rest: no creep, no rolling", atol=way + rough, scale=length, **rest),
+            Check(quantity="way_settled", source="rest: no creep, no rolling", atol=path + rough, scale=length, **rest),
         ]  # fmt: skip
         if slope == 0.0:
             sag = 0.5 * weight / KN if engine.contact == "spring" else 0.0
@@ -163,7 +163,7 @@ class Settle:
         return found
 
 
-def waisted() -> NurbsCurve:
+def waisted_outline() -> NurbsCurve:
     """The grain's outline."""
     from ninedisk.core.nurbs.shapes import fitted
 
@@ -193,7 +193,7 @@ def fall_energy(setup: Setup) -> float:
     return float(disks.mass[0]) * G * (FALL + TILT * float(disks.radius[0]))
 
 
-def modes(setup: Setup) -> tuple[float, float]:
+def slowest_modes(setup: Setup) -> tuple[float, float]:
     """Lowest frequency [rad/s] and slowest decay [1/s] of the grain that stands on both feet, moved a little.
 
     With feet at ``(+-f, -h)`` a motion (x, y, angle) opens a foot by ``y +- f angle`` and shifts it by ``x + h angle``; the springs kn

@@ -19,6 +19,7 @@ from ninedisk.harness.cases.common import (
     GRAVITY,
     PRELOAD,
     THETA,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -29,12 +30,11 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
     summed_round_off,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.incline.block import chatters
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.incline.block import block_chatters
 from ninedisk.harness.cases.rolling.slip_to_roll import shear_frequency
 from ninedisk.references.analytic.on_plane.rolling_incline import RollRates, roll_down, roll_rates, rolling_mu
 from ninedisk.references.analytic.on_plane.slip_to_roll import UNIFORM_DISK
@@ -151,13 +151,13 @@ class InclineDisk:
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The rigid disk's way, its lift, which Coulomb's law does not know, the friction that drives its spin, and that spin."""
         rates, t_end = _rates(params), float(observed.t[-1])
-        way = 0.5 * rates.along * t_end**2
+        path = 0.5 * rates.along * t_end**2
         use, source = "rolling" if rolls(params) else "sliding", "Newton and Euler with Coulomb friction"
         return (
-            Headline(name="distance down the incline", use=use, quantity="x_final", expected=way, source=source,
-                     scale=way, scale_is="distance of the rigid disk"),
+            Headline(name="distance down the incline", use=use, quantity="x_final", expected=path, source=source,
+                     scale=path, scale_is="distance of the rigid disk"),
             Headline(name="lift of the disk", use=use, quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
-                     scale=way, scale_is="distance of the rigid disk"),
+                     scale=path, scale_is="distance of the rigid disk"),
             # The spring of a disk that rolls from no shear force swings between none and twice the friction, faster than the samples.
             Headline(name="friction force", use=use, quantity="fs_mean", expected=math.nan if swings(params) else rates.fs, source=source,
                      scale=MASS * params["g"], scale_is="weight"),
@@ -177,7 +177,7 @@ class InclineDisk:
 
         return [
             *_exact_steps(params, setup, observed, engine, rates),
-            *allowing(LIFTS, setup, engine, continuous),
+            *checks_with_allowance(LIFTS, setup, engine, continuous),
             *_dilation(params, setup, engine, rates, bounds),
         ]
 
@@ -407,13 +407,13 @@ def _rigid(
     lift = mu * rates.slip * dt if associated else 0.0
     speed = g * slack_time(engine, dt) + single(engine, g * t_end, setup.numerics.n_steps)
     weight = mass * g
-    force = softness(engine) * weight + single(engine, weight, 1) + 1e-10 * weight + mass * lift / dt
+    force = contact_softness(engine) * weight + single(engine, weight, 1) + 1e-10 * weight + mass * lift / dt
     # A contact that gives way lets the disk sink, and friction then acts on a shorter arm.
     yields = rates.fn / kn if Difference.KEEPS_KN in engine.differences else 0.0
     arm = (speed * t_end + yields) / float(setup.scene.disks.radius[0])
     vx = mu * lift + 1e-12 + speed + arm * rates.along * t_end
     depth = swing = 0.0
-    chatter = chatters(engine) and rates.slip > 0.0
+    chatter = block_chatters(engine) and rates.slip > 0.0
     if chatter:
         fall = g * math.cos(math.radians(params["angle_deg"])) * dt
         hop = mu * (slip + PER_SLIP * mu * fall)

@@ -25,16 +25,16 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    contact_softness,
     contact_step,
     single,
     single_precision,
     slack_time,
     soft_reason,
-    softness,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.results.figures import Figure, Plotted
-from ninedisk.references.analytic.on_plane.rolling_off import Left, rolled_off
+from ninedisk.references.analytic.on_plane.rolling_off import Departure, rolled_off
 
 RADIUS, HELD, MASS, G = 0.25, 1.0, 1.0, 10.0
 KN, KS_OVER_KN, BETA, PHASE = 1e7, 0.8, 0.3, 0.1
@@ -99,10 +99,10 @@ class RollsOff:
         """Friction that gives up halfway, and one that holds nearly to the end."""
         return [{"mu": 0.3}, {"mu": 10.0}]
 
-    def _truth(self, params: Mapping[str, Any]) -> tuple[Left, float, float]:
+    def _truth(self, params: Mapping[str, Any]) -> tuple[Departure, float, float]:
         """Where it leaves; times of the slip and of the end of the contact [s]."""
         left = rolled_off(mu=params["mu"], inertia_ratio=self.ratio, arm=RADIUS + HELD, g=G)
-        slips = self._rolls(left.slips)
+        slips = self._rolling_time(left.slips)
         return left, slips, slips + left.lasts
 
     @property
@@ -110,7 +110,7 @@ class RollsOff:
         """L of ``theta' = 2 L sin(theta/2)`` [1/s]."""
         return math.sqrt(G / ((1.0 + self.ratio) * (RADIUS + HELD)))
 
-    def _rolls(self, angle: float) -> float:
+    def _rolling_time(self, angle: float) -> float:
         """Time from the start until an angle [s]."""
         return math.log(math.tan(0.25 * angle) / math.tan(0.25 * BEGIN)) / self._growth
 
@@ -168,7 +168,7 @@ class RollsOff:
         }
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
-    def _spin(self, left: Left) -> float:
+    def _spin(self, left: Departure) -> float:
         return left.turned * left.rate * (RADIUS + HELD) / RADIUS
 
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
@@ -193,38 +193,42 @@ class RollsOff:
         speed = math.sqrt(G * arm * cosine**3)
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            room, why = self._room(params, setup, engine, speed)
+            bound, why = self._speed_tolerance(params, setup, engine, speed)
             # v^2 = g p cos^3: an error of the speed is one and a half times as large, relative, as that of the cosine.
-            angle = math.degrees(room / speed / 1.5 * cosine / math.sin(left.leaves))
+            angle = math.degrees(bound / speed / 1.5 * cosine / math.sin(left.leaves))
             return [
                 Check(quantity="leaves", norm="scalar", truth="analytic", expected=math.degrees(left.leaves), source=SOURCE, atol=angle,
                       scale=math.degrees(left.leaves), why=why),
                 Check(quantity="spin_final", norm="scalar", truth="analytic", expected=self._spin(left), source=SOURCE,
-                      atol=room * (1.0 + 1.0 / self.ratio) / RADIUS, scale=self._spin(left), why=why),
-                Check(quantity="theta", norm="max", truth="analytic", expected=truth, source=SOURCE, atol=room * slips / arm,
+                      atol=bound * (1.0 + 1.0 / self.ratio) / RADIUS, scale=self._spin(left), why=why),
+                Check(quantity="theta", norm="max", truth="analytic", expected=truth, source=SOURCE, atol=bound * slips / arm,
                       scale=left.slips, why=why),
             ]  # fmt: skip
 
-        return allowing(LIFTS, setup, engine, found)
+        return checks_with_allowance(LIFTS, setup, engine, found)
 
-    def _room(self, params: Mapping[str, Any], setup: Setup, engine: EngineInfo, speed: float) -> tuple[float, str]:
+    def _speed_tolerance(
+        self, params: Mapping[str, Any], setup: Setup, engine: EngineInfo, speed: float
+    ) -> tuple[float, str]:
         """What the speed may be off by [m/s], and why."""
         dt, steps = setup.numerics.dt, setup.numerics.n_steps
         t_end = dt * steps
-        room = 1e-9 * speed + single(engine, speed, steps)
+        bound = 1e-9 * speed + single(engine, speed, steps)
         if follows_associated_rule(engine, setup.numerics):
-            room += speed
+            bound += speed
         if engine.contact == "spring":
             friction = MASS * G * self.ratio / (1.0 + self.ratio)
             ks = KS_OVER_KN * KN
             # Shear springs bear friction from the start: the body swings about rolling by that over their rate.
-            room += 2.0 * friction / math.sqrt(ks * MASS) + MASS * G / KN / RADIUS * speed
-            return room, "springs that start without load swing into it; arms that shrink by the overlap"
+            bound += 2.0 * friction / math.sqrt(ks * MASS) + MASS * G / KN / RADIUS * speed
+            return bound, "springs that start without load swing into it; arms that shrink by the overlap"
         why = f"two steps of weight where it leaves, and one at the start, which grows{soft_reason(engine)}"
         # What is off at the start has grown by the ratio of the speeds when the bodies part.
         grown = math.sin(0.5 * self._truth(params)[0].slips) / math.sin(0.5 * BEGIN)
-        room += (2.0 + math.sin(BEGIN) * grown) * G * dt + G * (slack_time(engine, dt) + softness(engine) * t_end)
-        return room, why + single_precision(engine)
+        bound += (2.0 + math.sin(BEGIN) * grown) * G * dt + G * (
+            slack_time(engine, dt) + contact_softness(engine) * t_end
+        )
+        return bound, why + single_precision(engine)
 
 
 OFF_DISK, OFF_BALL = RollsOff(space=False), RollsOff(space=True)

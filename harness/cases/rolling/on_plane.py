@@ -30,14 +30,14 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    contact_softness,
     contact_step,
     single,
     single_precision,
     slack_time,
     soft_reason,
-    softness,
 )
-from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
@@ -85,39 +85,42 @@ def _numerics(params: Mapping[str, Any], duration: float, every: int = 1, kn: fl
     return Numerics(dt=dt, n_steps=max(1, math.ceil(duration / dt)), contact_dt=contact_dt, sample_every=every)
 
 
-def _room(setup: SphereSetup, engine: EngineInfo, pull: float, speed: float) -> float:
+def _velocity_tolerance(setup: SphereSetup, engine: EngineInfo, pull: float, speed: float) -> float:
     """What a velocity may be off by [m/s], where friction pulls with ``pull`` [m/s^2] at most on what has ``speed`` [m/s]."""
     t_end = setup.numerics.dt * setup.numerics.n_steps
-    room = 1e-10 * (speed + G * t_end) + single(engine, max(speed, G * t_end), setup.numerics.n_steps)
+    bound = 1e-10 * (speed + G * t_end) + single(engine, max(speed, G * t_end), setup.numerics.n_steps)
     if engine.contact == "spring":
         turning, kn = bool(setup.scene.spheres.rotating.all()), setup.scene.walls[0].law.kn
         slow = _swing(kn, turning=False)
-        room += 2.0 * pull / _swing(kn) if turning else pull**2 / slow**2 / speed + pull * PHASE / slow
-    room += pull * (slack_time(engine, setup.numerics.dt) + softness(engine) * t_end) + softness(engine) * speed
+        bound += 2.0 * pull / _swing(kn) if turning else pull**2 / slow**2 / speed + pull * PHASE / slow
+    bound += (
+        pull * (slack_time(engine, setup.numerics.dt) + contact_softness(engine) * t_end)
+        + contact_softness(engine) * speed
+    )
     if Difference.FRICTION_LAGS in engine.differences:
-        room += 2.0 * pull * setup.numerics.dt
+        bound += 2.0 * pull * setup.numerics.dt
     if follows_associated_rule(engine, setup.numerics):
-        room += speed
-    return room
+        bound += speed
+    return bound
 
 
-def _why(engine: EngineInfo) -> str:
+def _reason(engine: EngineInfo) -> str:
     springs = "; a shear spring comes up over its slip, and swings on undamped" if engine.contact == "spring" else ""
     return f"round-off of the steps{springs}{soft_reason(engine)}{single_precision(engine)}"
 
 
-def _excused(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]:
+def _excused_checks(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]:
     """Checks with what two known differences explain: friction that lags a step, sliding that lifts."""
     if Difference.FRICTION_LAGS in engine.differences:
-        return allowing(Difference.FRICTION_LAGS, setup, engine, checks)
-    return allowing(LIFTS, setup, engine, checks)
+        return checks_with_allowance(Difference.FRICTION_LAGS, setup, engine, checks)
+    return checks_with_allowance(LIFTS, setup, engine, checks)
 
 
 SPOTS = 9
 """Places on a way that are told one by one, so that a figure shows it."""
 
 
-def _spots(history: History) -> dict[str, tuple[str, float]]:
+def _path_points(history: History) -> dict[str, tuple[str, float]]:
     """Coordinates of the first sphere at as many instants, as far apart."""
     rows = np.linspace(0, len(history.t) - 1, SPOTS).round().astype(int)
     return {
@@ -125,7 +128,7 @@ def _spots(history: History) -> dict[str, tuple[str, float]]:
     }
 
 
-def _spot_checks(truth: FloatArray, *, source: str, atol: float, scale: float, why: str) -> list[Check]:
+def _path_point_checks(truth: FloatArray, *, source: str, atol: float, scale: float, why: str) -> list[Check]:
     """Those places against a way of shape (s, 2)."""
     rows = np.linspace(0, len(truth) - 1, SPOTS).round().astype(int)
     return [
@@ -136,7 +139,7 @@ def _spot_checks(truth: FloatArray, *, source: str, atol: float, scale: float, w
     ]  # fmt: skip
 
 
-def _way_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -> Figure:
+def _path_figure(title: str, shows: str, allows: str, **where: tuple[str, ...]) -> Figure:
     return Figure(
         title=title,
         kind="places",
@@ -167,24 +170,24 @@ def _speed_checks(
 
     def found(setup: Any, engine: EngineInfo) -> list[Check]:
         speed = float(np.abs(vx).max())
-        room, why = _room(setup, engine, pull, speed), _why(engine)
+        bound, why = _velocity_tolerance(setup, engine, pull, speed), _reason(engine)
         rows = (
-            ("vx", vx, "rigid sphere with Coulomb friction", room, speed),
+            ("vx", vx, "rigid sphere with Coulomb friction", bound, speed),
             (
                 "spin",
                 spin,
                 "rigid sphere with Coulomb friction",
-                room * (1.0 / (UNIFORM_SPHERE * RADIUS)),
+                bound * (1.0 / (UNIFORM_SPHERE * RADIUS)),
                 speed / RADIUS,
             ),
-            ("beside", np.zeros_like(vx), "mirror symmetry", 2.5 * room, speed),
+            ("beside", np.zeros_like(vx), "mirror symmetry", 2.5 * bound, speed),
         )
         return [
             Check(quantity=name, norm="max", truth="analytic", expected=expected, source=source, atol=atol, scale=scale, why=why)
             for name, expected, source, atol, scale in rows
         ]  # fmt: skip
 
-    return _excused(setup, engine, found)
+    return _excused_checks(setup, engine, found)
 
 
 class Thrown:
@@ -435,26 +438,26 @@ class Isotropy:
         speed, pull = params["speed"], params["mu"] * G
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            room, why = _room(setup, engine, pull, speed), _why(engine)
+            bound, why = _velocity_tolerance(setup, engine, pull, speed), _reason(engine)
             lost = pull * observed.t
             return [
                 *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=lost, source="Coulomb's law", atol=room,
+                    Check(quantity=name, norm="max", truth="analytic", expected=lost, source="Coulomb's law", atol=bound,
                           scale=float(lost[-1]), why=why)
                     for name in ("lost_least", "lost_most")
                 ),
                 Check(quantity="off", norm="max", truth="analytic", expected=np.zeros_like(lost), source="Coulomb's law",
-                      atol=2.0 * room / speed, scale=1.0, why=f"{why}; across half of the first speed"),
+                      atol=2.0 * bound / speed, scale=1.0, why=f"{why}; across half of the first speed"),
                 *(
-                    Check(quantity=f"lost_{axis}_{k}", norm="scalar", truth="analytic", expected=float(way[c]),
-                          source=f"Coulomb's law: {'upper' if way[1] > 0.0 else 'lower'} half", atol=room / float(lost[-1]), scale=1.0,
+                    Check(quantity=f"lost_{axis}_{k}", norm="scalar", truth="analytic", expected=float(path[c]),
+                          source=f"Coulomb's law: {'upper' if path[1] > 0.0 else 'lower'} half", atol=bound / float(lost[-1]), scale=1.0,
                           why=why)
-                    for k, way in enumerate(setup.scene.spheres.v / speed)
+                    for k, path in enumerate(setup.scene.spheres.v / speed)
                     for c, axis in enumerate("xy")
                 ),
             ]  # fmt: skip
 
-        return _excused(setup, engine, found)
+        return _excused_checks(setup, engine, found)
 
 
 class Turntable:
@@ -473,7 +476,7 @@ class Turntable:
         CONTACT_DT,
     )  # fmt: skip
     figures = (
-        _way_figure(
+        _path_figure(
             "The path on the turntable",
             "A quarter of the circle on which the sphere goes round, from above.",
             "Whatever friction, radius and gravity are, the circle is run through with 2/7 of the plane's angular speed; slip that is let "
@@ -505,7 +508,9 @@ class Turntable:
         series = {"vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), "speed": ("m/s", np.hypot(v[:, 0], v[:, 1]))}
         turned = float(np.unwrap(np.arctan2(v[:, 1], v[:, 0]))[-1])
         rate = turned / float(history.t[-1]) / params["turn"]
-        return Observed(step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate), **_spots(history)})
+        return Observed(
+            step=history.step, t=history.t, series=series, scalars={"rate": ("1", rate), **_path_points(history)}
+        )
 
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The angular speed."""
@@ -526,29 +531,29 @@ class Turntable:
             pull = truth.rate * speed
             rolls = 2.0 * pull / _swing(KN) + 4.0 * pull * MASS * G / KN / RADIUS * t_end
             # A sphere of springs rolls on R - overlap; its shear spring bears the pull from the start, and swings about that.
-            room, why = 1e-10 * speed + single(engine, turn * 3.0, setup.numerics.n_steps), "round-off of the steps"
+            bound, why = 1e-10 * speed + single(engine, turn * 3.0, setup.numerics.n_steps), "round-off of the steps"
             if engine.contact == "spring":
-                room, why = room + rolls, "a shear spring that begins unloaded swings on; overlaps shorten the arm"
+                bound, why = bound + rolls, "a shear spring that begins unloaded swings on; overlaps shorten the arm"
             else:
                 # Implicit steps turn the velocity by what the plane's speed is a step later: second order in each step.
-                room += speed * (truth.rate * dt + t_end / dt * (truth.rate * dt) ** 2)
+                bound += speed * (truth.rate * dt + t_end / dt * (truth.rate * dt) ** 2)
                 why = f"first order of steps that find the plane's speed at one end of the step{soft_reason(engine)}"
-            room += (pull + turn * 3.0) * (slack_time(engine, dt) + softness(engine) * t_end)
+            bound += (pull + turn * 3.0) * (slack_time(engine, dt) + contact_softness(engine) * t_end)
             # Places of implicit steps are sums of the velocities at one end of each.
             lag = 0.0 if engine.contact == "spring" else speed * dt
             rows = (("vx", truth.v[:, 0]), ("vy", truth.v[:, 1]))
             return [
                 *(
-                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source="rolling without slip", atol=room,
+                    Check(quantity=name, norm="max", truth="analytic", expected=expected, source="rolling without slip", atol=bound,
                           scale=speed, why=why)
                     for name, expected in rows
                 ),
                 Check(quantity="rate", norm="scalar", truth="analytic", expected=2.0 / 7.0, source="rolling without slip",
-                      atol=room / (speed * t_end * turn), scale=2.0 / 7.0, why=why),
-                *_spot_checks(truth.x, source="rolling without slip", atol=room * t_end + lag, scale=speed * t_end, why=why),
+                      atol=bound / (speed * t_end * turn), scale=2.0 / 7.0, why=why),
+                *_path_point_checks(truth.x, source="rolling without slip", atol=bound * t_end + lag, scale=speed * t_end, why=why),
             ]  # fmt: skip
 
-        return _excused(setup, engine, found)
+        return _excused_checks(setup, engine, found)
 
 
 SOFT = 1e6
@@ -584,25 +589,27 @@ def _twisted(t: FloatArray, model: str, params: Mapping[str, Any]) -> FloatArray
     return rolled.vx / RADIUS
 
 
-def _twist_room(setup: SphereSetup, engine: EngineInfo) -> float:
+def _twist_tolerance(setup: SphereSetup, engine: EngineInfo) -> float:
     """What a spin about the normal may be off by [rad/s].
 
     A constant torque acts a step too long where it ends, and to either side after that; a spring swings with its scheme's order.
     """
     numerics, law = setup.numerics, setup.scene.walls[0].law.twisting
     t_end = numerics.dt * numerics.n_steps
-    room = 1e-10 * SPIN + single(engine, SPIN, numerics.n_steps)
+    bound = 1e-10 * SPIN + single(engine, SPIN, numerics.n_steps)
     if law is None:
-        return room
+        return bound
     pull = law.mu * G / (UNIFORM_SPHERE * RADIUS)
     h = (numerics.contact_dt or numerics.dt) if engine.contact == "spring" else numerics.dt
-    room += pull * (slack_time(engine, numerics.dt) + softness(engine) * t_end) + softness(engine) * SPIN
+    bound += (
+        pull * (slack_time(engine, numerics.dt) + contact_softness(engine) * t_end) + contact_softness(engine) * SPIN
+    )
     # The normal force is off by what a gap is rounded to, of the overlap of the weight.
-    room += pull * t_end * 8.0 * float(np.spacing(RADIUS)) * SOFT / (MASS * G)
+    bound += pull * t_end * 8.0 * float(np.spacing(RADIUS)) * SOFT / (MASS * G)
     if law.model == "constant":
-        return room + 2.0 * pull * h
+        return bound + 2.0 * pull * h
     rate = math.sqrt(law.kr / (UNIFORM_SPHERE * MASS)) / RADIUS
-    return room + SPIN * (rate * h) ** 2 * max(1.0, rate * t_end)
+    return bound + SPIN * (rate * h) ** 2 * max(1.0, rate * t_end)
 
 
 class Top:
@@ -636,7 +643,7 @@ class Top:
             allows="Friction at a point takes nothing of this spin; a constant torque stops it at one time, a spring swings about where it "
             "has yielded to.",
         ),
-        _way_figure(
+        _path_figure(
             "A throw with spin",
             "The path of a sphere thrown with a spin across its velocity, from above.",
             "Friction keeps its direction, so that the path is a parabola, and straight once the sphere rolls.",
@@ -648,11 +655,11 @@ class Top:
         """Each kind."""
         return [{"kind": kind} for kind in self.parameters[0].choices]
 
-    def _thrown(self, params: Mapping[str, Any]) -> bool:
+    def _thrown_sphere(self, params: Mapping[str, Any]) -> bool:
         return bool(params["kind"] == "thrown")
 
     def _start(self, params: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float, float]]:
-        return ((WAY[0], WAY[1]), (1.5, -2.0, SPIN)) if self._thrown(params) else ((0.0, 0.0), (0.0, 0.0, SPIN))
+        return ((WAY[0], WAY[1]), (1.5, -2.0, SPIN)) if self._thrown_sphere(params) else ((0.0, 0.0), (0.0, 0.0, SPIN))
 
     def build(self, params: Mapping[str, Any]) -> SphereSetup:
         """Springs begin with the overlap of the weight."""
@@ -673,7 +680,7 @@ class Top:
         series = {
             "vx": ("m/s", v[:, 0]), "vy": ("m/s", v[:, 1]), **{f"spin_{axis}": ("rad/s", spin[:, k]) for k, axis in enumerate("xyz")}
         }  # fmt: skip
-        scalars = {**_spots(history), "way_final": ("m", float(np.hypot(*history.x[-1, 0, :2])))}
+        scalars = {**_path_points(history), "way_final": ("m", float(np.hypot(*history.x[-1, 0, :2])))}
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
 
     def _truth(self, params: Mapping[str, Any], t: FloatArray) -> BallHistory:
@@ -690,7 +697,7 @@ class Top:
             Headline(name="spin about the normal", use="rolling", quantity="spin_z", expected=truth.spin[:, 2], source=self.source,
                      scale=SPIN, scale_is="initial spin"),
             Headline(name="displacement of a throw with spin", use="rolling", quantity="way_final",
-                     expected=float(np.hypot(*truth.x[-1])) if self._thrown(params) else math.nan, source=self.source, scale=LASTS,
+                     expected=float(np.hypot(*truth.x[-1])) if self._thrown_sphere(params) else math.nan, source=self.source, scale=LASTS,
                      scale_is="initial speed times 0.6 s"),
         )  # fmt: skip
 
@@ -703,13 +710,13 @@ class Top:
         slip = float(np.hypot(*slip_of(v, spin, RADIUS)))
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            speed, why = max(1.0, slip), _why(engine)
-            room = _room(setup, engine, params["mu"] * G if slip else 0.0, speed)
-            turn = room / (UNIFORM_SPHERE * RADIUS)
+            speed, why = max(1.0, slip), _reason(engine)
+            bound = _velocity_tolerance(setup, engine, params["mu"] * G if slip else 0.0, speed)
+            turn = bound / (UNIFORM_SPHERE * RADIUS)
             rows = (
-                ("vx", truth.v[:, 0], room, speed), ("vy", truth.v[:, 1], room, speed),
+                ("vx", truth.v[:, 0], bound, speed), ("vy", truth.v[:, 1], bound, speed),
                 ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
-                ("spin_z", truth.spin[:, 2], _twist_room(setup, engine), SPIN),
+                ("spin_z", truth.spin[:, 2], _twist_tolerance(setup, engine), SPIN),
             )  # fmt: skip
             found = [
                 Check(
@@ -724,14 +731,14 @@ class Top:
                 )
                 for name, expected, atol, scale in rows
             ]
-            if self._thrown(params):
+            if self._thrown_sphere(params):
                 # Places of rigid contacts are sums of the velocities at one end of each step.
                 lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
                 t_end = float(observed.t[-1])
-                found += _spot_checks(truth.x, source=self.source, atol=room * t_end + lag, scale=t_end, why=why)
+                found += _path_point_checks(truth.x, source=self.source, atol=bound * t_end + lag, scale=t_end, why=why)
             return found
 
-        return _excused(setup, engine, found)
+        return _excused_checks(setup, engine, found)
 
 
 SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}
@@ -808,17 +815,17 @@ class Resisted:
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Way, velocity and spin along the plane, what is beside them, and the spin about the normal."""
         across = np.cross([0.0, 0.0, 1.0], WAY)
-        v, spin, way = history.v[:, 0], history.omega[:, 0], history.x[:, 0] @ WAY
+        v, spin, path = history.v[:, 0], history.omega[:, 0], history.x[:, 0] @ WAY
         series = {
-            "way": ("m", way),
+            "way": ("m", path),
             "along": ("m/s", v @ WAY),
             "spin": ("rad/s", spin @ across),
             "beside": ("m/s", np.abs([v @ across, RADIUS * (spin @ WAY)]).max(axis=0)),
             "spin_z": ("rad/s", spin[:, 2]),
         }
-        return Observed(step=history.step, t=history.t, series=series, scalars={"way_final": ("m", float(way[-1]))})
+        return Observed(step=history.step, t=history.t, series=series, scalars={"way_final": ("m", float(path[-1]))})
 
-    def _rolled(self, params: Mapping[str, Any], t: FloatArray) -> Rolled:
+    def _exact_motion(self, params: Mapping[str, Any], t: FloatArray) -> Rolled:
         given: dict[str, float] = {
             "mu_r": params["mu_r"], "angle": self._angle(params), "g": G, "speed": self._speed(params), "inertia_ratio": UNIFORM_SPHERE,
         }  # fmt: skip
@@ -832,7 +839,7 @@ class Resisted:
         free = self._speed(params) * t_end + G * math.sin(self._angle(params)) * t_end**2 / (2.0 + 2.0 * UNIFORM_SPHERE)
         return (
             Headline(name="distance against rolling resistance", use="rolling", quantity="way_final",
-                     expected=float(self._rolled(params, observed.t[-1:]).x[0]), source=self.source, scale=free,
+                     expected=float(self._exact_motion(params, observed.t[-1:]).x[0]), source=self.source, scale=free,
                      scale_is="distance without resistance"),
             Headline(name="spin against twisting resistance", use="rolling", quantity="spin_z", source=self.source, scale=SPIN,
                      expected=_twisted(observed.t, params["model"], params) if twists else math.nan, scale_is="initial spin"),
@@ -846,26 +853,26 @@ class Resisted:
         A constant torque whose sign is a step late turns the rim by ``mu_r R m g h/I`` to either side, and acts at once where it begins and
         ends, so that shear springs swing; a spring is followed to the order of the scheme (`ninedisk.harness.cases.rolling.resistance`).
         """
-        truth, t_end, mu_r = self._rolled(params, observed.t), float(observed.t[-1]), params["mu_r"]
+        truth, t_end, mu_r = self._exact_motion(params, observed.t), float(observed.t[-1]), params["mu_r"]
         pull = G * math.sin(self._angle(params))
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             springs, numerics = engine.contact == "spring", setup.numerics
             h = (numerics.contact_dt or numerics.dt) if springs else numerics.dt
             fastest = max(float(np.abs(truth.vx).max()), mu_r * G * h)
-            room, why = (
-                _room(setup, engine, 2.0 * (pull + mu_r * G), max(self._speed(params), pull * t_end)),
-                _why(engine),
+            bound, why = (
+                _velocity_tolerance(setup, engine, 2.0 * (pull + mu_r * G), max(self._speed(params), pull * t_end)),
+                _reason(engine),
             )
-            room += 2.0 * MASS * G / SOFT / RADIUS * fastest if springs else 0.0
+            bound += 2.0 * MASS * G / SOFT / RADIUS * fastest if springs else 0.0
             if params["model"] == "constant":
-                room += 4.0 * mu_r * G / UNIFORM_SPHERE * h
+                bound += 4.0 * mu_r * G / UNIFORM_SPHERE * h
                 why += f"; a torque whose sign is late, h = {h:.2g} s"
             else:
                 rate = oscillation(mu_r=mu_r, kr=params["kr"], angle=self._angle(params), g=G, mass=MASS, radius=RADIUS,
                                    inertia_ratio=UNIFORM_SPHERE).omega  # fmt: skip
                 swing = max(self._speed(params), (mu_r * G + pull) / rate)
-                room += swing * rate * h * max(1.0, rate * t_end) * (0.5 * rate * h if springs else 1.0)
+                bound += swing * rate * h * max(1.0, rate * t_end) * (0.5 * rate * h if springs else 1.0)
                 why += f"; swings of rate h = {rate * h:.2g}"
             lag = 0.0 if springs else fastest * h
             twist = np.full_like(observed.t, 0.0)
@@ -873,11 +880,11 @@ class Resisted:
                 twist = _twisted(observed.t, params["model"], params)
             known = self._known(params, engine, observed.t)
             rows = (
-                ("way", truth.x, room * t_end + lag, max(fastest * t_end, 0.5 * mu_r * G * t_end**2)),
-                ("along", truth.vx, room, fastest),
-                ("spin", truth.vx / RADIUS, 2.0 * room / RADIUS, fastest / RADIUS),
-                ("beside", np.zeros_like(observed.t), room, fastest),
-                ("spin_z", twist, _twist_room(setup, engine), SPIN),
+                ("way", truth.x, bound * t_end + lag, max(fastest * t_end, 0.5 * mu_r * G * t_end**2)),
+                ("along", truth.vx, bound, fastest),
+                ("spin", truth.vx / RADIUS, 2.0 * bound / RADIUS, fastest / RADIUS),
+                ("beside", np.zeros_like(observed.t), bound, fastest),
+                ("spin_z", twist, _twist_tolerance(setup, engine), SPIN),
             )
             return [
                 Check(quantity=name, norm="max", truth="analytic", expected=expected, source=self.source, atol=atol, scale=scale, why=why,
@@ -885,7 +892,7 @@ class Resisted:
                 for name, expected, atol, scale in rows
             ]  # fmt: skip
 
-        return _excused(setup, engine, found)
+        return _excused_checks(setup, engine, found)
 
     def _known(self, params: Mapping[str, Any], engine: EngineInfo, t: FloatArray) -> dict[str, KnownDifference]:
         """What two known differences explain where a sphere both rolls and twists, by quantity.
@@ -913,7 +920,7 @@ class Resisted:
                 loss = np.array([a, b]) * u / max(float(np.hypot(*u)), 1e-300) * step
                 both.append(np.maximum(u - loss, 0.0))
             shared = np.array(both).T
-            off = np.abs(shared[0] - self._rolled(params, t).vx)
+            off = np.abs(shared[0] - self._exact_motion(params, t).vx)
             turned = np.abs(shared[1] / RADIUS - _twisted(t, "constant", params))
             sizes = {"along": float(off.max()), "spin": float(off.max()) / RADIUS, "way": float((off * dt).sum()),
                      "spin_z": float(turned.max())}  # fmt: skip

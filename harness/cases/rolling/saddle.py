@@ -16,15 +16,15 @@ from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Sphe
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    contact_softness,
     contact_step,
     single,
     single_precision,
     slack_time,
     soft_reason,
-    softness,
 )
 from ninedisk.harness.results.figures import Figure, Plotted
-from ninedisk.references.analytic.on_plane.rolling_off import Saddle, fallen_time, falling, saddle
+from ninedisk.references.analytic.on_plane.rolling_off import Saddle, fall_time, falling, saddle
 
 RADIUS, MASS, G, MU = 0.5, 2.0, 10.0, 2.0
 """Of the grain; MU is beyond the 0.93 that rolling without slip asks for until `END`, at the ratio 1."""
@@ -85,7 +85,7 @@ class OnSaddle:
         return found, math.sqrt(G * found.arm / found.inertia)
 
     def _duration(self, params: Mapping[str, Any]) -> float:
-        return float(fallen_time(reached=END, start=BEGIN)) / self._saddle(params)[1]
+        return float(fall_time(reached=END, start=BEGIN)) / self._saddle(params)[1]
 
     def build(self, params: Mapping[str, Any]) -> SphereSetup:
         """Springs begin with the overlaps of the weight, without shear; the grain is the first sphere, and the lightest."""
@@ -117,7 +117,7 @@ class OnSaddle:
         x, t = history.x[:, 0], history.t
         theta = np.arctan2(x @ SIDE, x @ UP)
         known = math.isfinite(float(theta[-1]))
-        grown = float(fallen_time(reached=float(theta[-1]), start=BEGIN)) / float(t[-1]) if known else math.nan
+        grown = float(fall_time(reached=float(theta[-1]), start=BEGIN)) / float(t[-1]) if known else math.nan
         series = {
             "theta": ("rad", theta),
             "aside": ("m", x @ ALONG),
@@ -138,11 +138,11 @@ class OnSaddle:
     ) -> Sequence[Check]:
         """Growth rate, the angle at all times, the spin of rolling, and the plane of motion."""
         (found, rate), ratio, t, numerics = self._saddle(params), params["ratio"], observed.t, setup.numerics
-        truth, grown = falling(t=t, rate=rate, start=BEGIN), float(fallen_time(reached=END, start=BEGIN))
-        room, why = self._room(params, engine, numerics, rate, grown)
+        truth, grown = falling(t=t, rate=rate, start=BEGIN), float(fall_time(reached=END, start=BEGIN))
+        bound, why = self._rate_tolerance(params, engine, numerics, rate, grown)
         # A rate that is off by a share shifts the motion in time by that share; the fastest is at the end.
         fastest = rate * math.sqrt(2.0 * (math.cos(BEGIN) - math.cos(END)))
-        angle = room * grown / rate * fastest
+        angle = bound * grown / rate * fastest
         roll = ratio + 1.0
         turned = np.sqrt(np.maximum(2.0 * (math.cos(BEGIN) - np.cos(truth)), 0.0)) * rate * roll
         # Rigid engines find the line of centres and the speed a step earlier or later each.
@@ -155,9 +155,9 @@ class OnSaddle:
             wobble = SOFT * RADIUS
         rough = 1e-9 * RADIUS + single(engine, ratio * RADIUS, numerics.n_steps)
         # Either soft contact lets through a share of the speed of slip, along the line of centres, too.
-        rough += 2.0 * softness(engine) * fastest * found.arm * float(t[-1])
+        rough += 2.0 * contact_softness(engine) * fastest * found.arm * float(t[-1])
         return [
-            Check(quantity="growth", norm="scalar", truth="analytic", expected=rate, source=SOURCE, atol=room * rate, scale=rate, why=why),
+            Check(quantity="growth", norm="scalar", truth="analytic", expected=rate, source=SOURCE, atol=bound * rate, scale=rate, why=why),
             Check(quantity="theta", norm="max", truth="analytic", expected=truth, source=SOURCE, atol=angle, scale=END, why=why),
             Check(quantity="spin", norm="max", truth="analytic", expected=turned, source=SOURCE, atol=rate * angle * roll + swing,
                   scale=fastest * roll, why=why),
@@ -166,25 +166,25 @@ class OnSaddle:
                   why=f"round-off, and springs that give way{soft_reason(engine)}{single_precision(engine)}"),
         ]  # fmt: skip
 
-    def _room(
+    def _rate_tolerance(
         self, params: Mapping[str, Any], engine: EngineInfo, numerics: Numerics, rate: float, grown: float
     ) -> tuple[float, str]:
         """What the growth rate may be off by, as a share of it, and why."""
         ratio = params["ratio"]
-        room = 1e-9 + single(engine, ratio, numerics.n_steps) / math.sin(BEGIN) / grown
+        bound = 1e-9 + single(engine, ratio, numerics.n_steps) / math.sin(BEGIN) / grown
         if engine.contact == "spring":
             _, soft = self._saddle(params, SOFT * RADIUS)
             start = SOFT * (1.0 + 1.0 / KS_OVER_KN)
             h = numerics.contact_dt or numerics.dt
-            room += abs(soft / rate - 1.0) + start / grown + (rate * h) ** 2
+            bound += abs(soft / rate - 1.0) + start / grown + (rate * h) ** 2
             return (
-                room,
+                bound,
                 f"arms that shrink by the overlap, {SOFT:g} radii; shear springs that give way as much before they bear friction",
             )
         # Half a step's displacement at the start counts as time, of which the run has `grown`/rate.
-        room += rate * numerics.dt / grown + rate * slack_time(engine, numerics.dt) / grown + softness(engine)
+        bound += rate * numerics.dt / grown + rate * slack_time(engine, numerics.dt) / grown + contact_softness(engine)
         return (
-            room,
+            bound,
             f"a step of {rate * numerics.dt:.2g}/rate earlier or later{soft_reason(engine)}{single_precision(engine)}",
         )
 

@@ -35,8 +35,8 @@ from ninedisk.harness.cases.common import (
     summed_round_off,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
-from ninedisk.harness.cases.rolling.shown import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.rolling.figures import SLIP_TO_ROLL_CLAIMS, SLIP_TO_ROLL_FIGURES
 from ninedisk.references.analytic.on_plane.slip_to_roll import (
     UNIFORM_DISK,
     slide_to_stop,
@@ -173,20 +173,20 @@ class SlipToRoll:
         A disk that starts above the plane falls first: of its way there is no closed form.
         """
         truth_end = truth(params, observed.t[-1:], RADIUS, inertia_ratio(params)).curves
-        falls, way = params["start"] == "dilated", float(truth_end["x"][0])
+        falls, path = params["start"] == "dilated", float(truth_end["x"][0])
         source, spin = (
             "rigid disk with Coulomb friction",
             truth(params, observed.t, RADIUS, inertia_ratio(params)).curves["spin"],
         )
         return (
-            Headline(name="distance", use="rolling", quantity="x_final", expected=math.nan if falls else way, source=source,
-                     scale=way, scale_is="distance of the rigid disk"),
+            Headline(name="distance", use="rolling", quantity="x_final", expected=math.nan if falls else path, source=source,
+                     scale=path, scale_is="distance of the rigid disk"),
             Headline(name="final speed", use="rolling", quantity="vx_final", expected=float(truth_end["vx"][0]),
                      source=source, scale=params["speed"], scale_is="initial speed"),
             Headline(name="spin", use="rolling", quantity="spin", expected=np.full_like(observed.t, math.nan) if falls else spin,
                      source=source, scale=params["speed"] / RADIUS, scale_is="initial speed over the radius"),
             Headline(name="lift of the sliding disk", use="sliding", quantity="lift", expected=math.nan if falls else 0.0,
-                     source="Coulomb's law: no dilation", scale=way, scale_is="distance of the rigid disk"),
+                     source="Coulomb's law: no dilation", scale=path, scale_is="distance of the rigid disk"),
         )  # fmt: skip
 
     def checks(
@@ -209,7 +209,7 @@ class SlipToRoll:
                 end,
             ]
 
-        found = allowing(LIFTS, setup, engine, continuous)
+        found = checks_with_allowance(LIFTS, setup, engine, continuous)
         if params["start"] == "dilated" and engine.contact != "cd":
             # The flight down to the plane is no part of the closed form; the rolling speed does not depend on it.
             return [check for check in found if check.quantity in ("vx_final", "spin_final", "slip_final")]

@@ -31,8 +31,8 @@ from ninedisk.harness.cases.common import (
     single,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing
-from ninedisk.harness.cases.rolling.shown import SPINNING_DISK_FIGURES
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance
+from ninedisk.harness.cases.rolling.figures import SPINNING_DISK_FIGURES
 from ninedisk.harness.cases.rolling.slip_to_roll import (
     CONTACT_BETA,
     MASS,
@@ -145,7 +145,7 @@ class SpinningDisk:
         }
         scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items()}
         # Written so that a NaN counts as slip.
-        slips = np.flatnonzero(~(np.abs(slip) <= slip_tolerance(_as_thrown(params), setup, UNIFORM_DISK)))
+        slips = np.flatnonzero(~(np.abs(slip) <= slip_tolerance(_initial_motion(params), setup, UNIFORM_DISK)))
         first = int(slips[-1]) + 1 if len(slips) else 0
         scalars["slip_end"] = ("s", float(history.t[first]) if first < len(history.t) else math.nan)
         scalars["energy_kept"] = ("1", last(series["energy"][1]) / _first_energy(params, setup))
@@ -171,14 +171,14 @@ class SpinningDisk:
     ) -> Sequence[Check]:
         """History, end of slip and energy kept; exact steps where the engine's scheme has them."""
         return [
-            *_stepped(params, _as_thrown(params), setup, observed, engine),
-            *allowing(LIFTS, setup, engine, partial(self._continuous, params, observed)),
+            *_stepped(params, _initial_motion(params), setup, observed, engine),
+            *checks_with_allowance(LIFTS, setup, engine, partial(self._continuous, params, observed)),
         ]
 
     def _continuous(
         self, params: Mapping[str, Any], observed: Observed, setup: Setup, engine: EngineInfo
     ) -> list[Check]:
-        limit = bounds(_as_thrown(params), setup, observed, engine, UNIFORM_DISK)
+        limit = bounds(_initial_motion(params), setup, observed, engine, UNIFORM_DISK)
         analytic, end = _truth(params, observed.t)
         # Velocity and spin are off by opposite parts of one momentum: dE = m v dv + I omega domega, at most at the start.
         first = _first_energy(params, setup)
@@ -200,7 +200,7 @@ class SpinningDisk:
         sizes = {"gap": RADIUS}
         found = series_and_final(names, expected, truth="analytic", source=source, tolerance=tolerance, sizes=sizes)
         found += [
-            end_of_slip(_as_thrown(params), setup, observed, engine, limit, expected["slip"], UNIFORM_DISK),
+            end_of_slip(_initial_motion(params), setup, observed, engine, limit, expected["slip"], UNIFORM_DISK),
             Check(quantity="energy_kept", norm="scalar", truth="analytic", expected=energy_kept(UNIFORM_DISK),
                   source=source, atol=atol["energy"] / first, why=why["energy"]),
         ]  # fmt: skip
@@ -241,7 +241,7 @@ def _truth(params: Mapping[str, Any], t: FloatArray) -> tuple[SpinHistory, float
     return spinning_disk(t, **case), slip_end(**case)
 
 
-def _as_thrown(params: Mapping[str, Any]) -> dict[str, Any]:
+def _initial_motion(params: Mapping[str, Any]) -> dict[str, Any]:
     """Parameters of the disk that is thrown at ``R omega0`` without spin."""
     return {**params, "speed": RADIUS * params["spin"], "start": "touching"}
 

@@ -12,10 +12,17 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, TruthKind, Value
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.common import CONTACT_DYNAMICS, EXACT_STEP_RTOL, contact_step, single, soft_reason, softness
+from ninedisk.harness.cases.common import (
+    CONTACT_DYNAMICS,
+    EXACT_STEP_RTOL,
+    contact_softness,
+    contact_step,
+    single,
+    soft_reason,
+)
 from ninedisk.harness.cases.differences import follows_associated_rule
+from ninedisk.harness.cases.sliding.figures import DYNAMIC_CLAIMS, DYNAMIC_FIGURES
 from ninedisk.harness.cases.sliding.scene import KN, MASS, PAIR, RADIUS, observe_particle, particle_on_plane
-from ninedisk.harness.cases.sliding.shown import DYNAMIC_CLAIMS, DYNAMIC_FIGURES
 from ninedisk.references.exact_steps.sliding import SlidingSteps, dynamic_sliding
 
 PHASE = 0.1
@@ -114,7 +121,7 @@ class DynamicSliding:
         steps = _steps(params, setup, associated)
         distance = params["speed"] * float(observed.t[-1])
         # Without a load there is nothing that a soft contact could let through, but for the rule that lifts what slides.
-        soft, count = softness(engine) if associated else 0.0, setup.numerics.n_steps
+        soft, count = contact_softness(engine) if associated else 0.0, setup.numerics.n_steps
         of_speed = single(engine, params["speed"], count)
         # A velocity is rounded in each step; a height is the radius and more, kept to one unit in the last place.
         height = 8.0 * float(np.spacing(RADIUS + params["g0"])) + single(engine, RADIUS + params["g0"], count)

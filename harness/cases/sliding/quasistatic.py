@@ -12,8 +12,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, Setup, Value
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.common import CONTACT_DYNAMICS
+from ninedisk.harness.cases.sliding.figures import QUASISTATIC_CLAIMS, QUASISTATIC_FIGURES
 from ninedisk.harness.cases.sliding.scene import MASS, PAIR, RADIUS, observe_particle, particle_on_plane
-from ninedisk.harness.cases.sliding.shown import QUASISTATIC_CLAIMS, QUASISTATIC_FIGURES
 from ninedisk.references.exact_steps.sliding import quasistatic_sliding
 
 ROUND_OFF = 1e-9

@@ -25,17 +25,17 @@ from ninedisk.harness.api.case import (
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import (
     CONTACT_DT,
+    contact_softness,
     contact_step,
     last,
     single,
     single_precision,
     slack_time,
     soft_reason,
-    softness,
 )
-from ninedisk.harness.cases.differences import LIFTS, allowing, follows_associated_rule
+from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.results.figures import Figure, Plotted
-from ninedisk.references.analytic.assembly.sphere_ring import RingForces, fallen, ring_angle, ring_forces
+from ninedisk.references.analytic.assembly.sphere_ring import RingForces, ring_angle, ring_forces, top_displacement
 
 RADIUS, MASS, G = 0.5, 2.0, 10.0
 KN, KS_OVER_KN, BETA = 1e7, 0.8, 0.3
@@ -111,7 +111,7 @@ class Stack:
         mu = params["share"] * forces.top_mu
         law = SphereLaw(kn=KN, ks=KS_OVER_KN * KN, mu=mu, beta=BETA, restitution=0.0, regularised=True)
         apart, low = 2.0 * RADIUS - forces.top_n / KN, RADIUS - forces.floor_n / KN
-        legs = np.column_stack([apart * math.sin(angle) * _out(n)[:, :2], np.full(n, low)])
+        legs = np.column_stack([apart * math.sin(angle) * _leg_directions(n)[:, :2], np.full(n, low)])
         x = np.vstack([legs, [0.0, 0.0, low + apart * math.cos(angle)]])
         scene = SphereScene(
             spheres=Spheres(x=x, radius=np.full(n + 1, RADIUS), mass=np.full(n + 1, MASS)),
@@ -163,7 +163,7 @@ class Stack:
             Headline(name="friction in a heap", use="rest", quantity="top_s_mean", expected=forces.top_s if stands else math.nan,
                      source="statics", scale=MASS * G, scale_is="weight of a sphere"),
             Headline(name="displacement of the top of a heap", use="rest", quantity="down_final",
-                     expected=float(_down(params, observed.t)[-1]), source="Newton and Euler for rigid spheres", scale=RADIUS,
+                     expected=float(_top_displacement(params, observed.t)[-1]), source="Newton and Euler for rigid spheres", scale=RADIUS,
                      scale_is="radius"),
         )  # fmt: skip
 
@@ -172,41 +172,41 @@ class Stack:
     ) -> Sequence[Check]:
         """Forces of a heap that stands; the way of the top; the axis."""
         n, _, forces = _statics(params)
-        down, t_end = _down(params, observed.t), float(observed.t[-1])
+        down, t_end = _top_displacement(params, observed.t), float(observed.t[-1])
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            way, share, why = _allowance(params, setup, engine, down, t_end)
+            path, share, why = _allowance(params, setup, engine, down, t_end)
             rows: list[tuple[str, float]] = []
             if params["share"] >= 1.0:
                 rows = [(f"{name}_mean", getattr(forces, name)) for name in ("top_n", "top_s", "floor_n", "floor_s")]
                 rows += [("unlike", 0.0)] if n == 3 or engine.contact == "spring" else []
             # Friction that fades, or of a contact that opens now and then, lies between none and all.
-            least = float(_down(params, observed.t, smooth=True)[-1] - down[-1])
+            least = float(_top_displacement(params, observed.t, smooth=True)[-1] - down[-1])
             known = None
             if Difference.FRICTION_LAGS in engine.differences and least:
                 known = KnownDifference(
                     finding=f"{engine.id}/friction-of-a-heap-fades",
-                    size=way + least,
+                    size=path + least,
                     why="a heap without any friction comes down by that much more",
                 )
             if follows_associated_rule(engine, setup.numerics):
-                way += least
+                path += least
             return [
                 *(
                     Check(quantity=name, norm="scalar", truth="analytic", expected=expected, source="statics", scale=MASS * G,
                           atol=share * MASS * G, why=why)
                     for name, expected in rows
                 ),
-                Check(quantity="down", norm="max", truth="analytic", expected=down, source=self.source, atol=way, scale=RADIUS, why=why,
+                Check(quantity="down", norm="max", truth="analytic", expected=down, source=self.source, atol=path, scale=RADIUS, why=why,
                       known=known),
                 Check(quantity="aside", norm="max", truth="analytic", expected=np.zeros_like(down), source="symmetry of the ring",
-                      atol=way, scale=RADIUS, why=why),
+                      atol=path, scale=RADIUS, why=why),
             ]  # fmt: skip
 
-        return allowing(LIFTS, setup, engine, found)
+        return checks_with_allowance(LIFTS, setup, engine, found)
 
 
-def _out(n: int) -> FloatArray:
+def _leg_directions(n: int) -> FloatArray:
     """From the axis to each leg, shape (n, 3)."""
     turn = TURN + 2.0 * math.pi * np.arange(n) / n
     return np.column_stack([np.cos(turn), np.sin(turn), np.zeros(n)])
@@ -218,20 +218,20 @@ def _statics(params: Mapping[str, Any]) -> tuple[int, float, RingForces]:
     return n, angle, ring_forces(n=n, angle=angle, top=MASS * G, each=MASS * G)
 
 
-def _down(params: Mapping[str, Any], t: FloatArray, *, smooth: bool = False) -> FloatArray:
+def _top_displacement(params: Mapping[str, Any], t: FloatArray, *, smooth: bool = False) -> FloatArray:
     """Way of the top [m], or that without friction."""
     n, angle, forces = _statics(params)
     if params["share"] >= 1.0:
         return np.zeros_like(t)
     mu = 0.0 if smooth else params["share"] * forces.top_mu
-    return fallen(t, n=n, angle=angle, mu=mu, top=MASS * G, each=MASS * G, radius=RADIUS, g=G)
+    return top_displacement(t, n=n, angle=angle, mu=mu, top=MASS * G, each=MASS * G, radius=RADIUS, g=G)
 
 
 class _Swings(NamedTuple):
     """Of a heap on springs that sticks and stays symmetric: how far it moves until friction is there [m], the largest speed of that
     [m/s], and the rate at which the slowest swing decays [1/s]."""
 
-    way: float
+    path: float
     speed: float
     decay: float
 
@@ -252,9 +252,9 @@ def _swings(params: Mapping[str, Any]) -> _Swings:
     inverse = np.linalg.inv(stiff)
     moved = inverse @ b[2:].T @ np.array([forces.top_s, forces.floor_s])
     energy = float(moved @ stiff @ moved)
-    way = float((np.abs(moved) + np.sqrt(np.diag(inverse) * energy)).max())
+    path = float((np.abs(moved) + np.sqrt(np.diag(inverse) * energy)).max())
     system = np.block([[np.zeros((4, 4)), np.eye(4)], [-stiff / mass[:, None], -damp / mass[:, None]]])
-    return _Swings(way, float(np.sqrt(energy / mass).max()), -float(np.linalg.eigvals(system).real.max()))
+    return _Swings(path, float(np.sqrt(energy / mass).max()), -float(np.linalg.eigvals(system).real.max()))
 
 
 def _allowance(
@@ -266,20 +266,20 @@ def _allowance(
     if engine.contact == "spring":
         swings, overlap = _swings(params), MASS * G / KN / RADIUS
         left = 2.0 * math.exp(-swings.decay * (1.0 - LAST) * t_end)
-        way = swings.way + (swings.speed * t_end + 8.0 * overlap * float(down[-1]) if falls else 0.0)
-        return way + rough, 4.0 * overlap + left + rough, (
-            f"shear springs begin unloaded and come up over {swings.way:.2g} m, {swings.speed:.2g} m/s; overlaps of {overlap:.2g} radii; "
+        path = swings.path + (swings.speed * t_end + 8.0 * overlap * float(down[-1]) if falls else 0.0)
+        return path + rough, 4.0 * overlap + left + rough, (
+            f"shear springs begin unloaded and come up over {swings.path:.2g} m, {swings.speed:.2g} m/s; overlaps of {overlap:.2g} radii; "
             f"swings of which {left:.2g} is left"
         )  # fmt: skip
     dt, pull = numerics.dt, 2.0 * float(down[-1]) / t_end**2
     # First order: velocities are those of an angle that is a step old, places are summed from one end of each step.
-    way = G * slack_time(engine, dt) * t_end + 2.0 * MASS * G / KN + rough + 2.0 * pull * dt * t_end
-    way += softness(engine) * (float(down[-1]) + RADIUS * MASS * G / KN)
+    path = G * slack_time(engine, dt) * t_end + 2.0 * MASS * G / KN + rough + 2.0 * pull * dt * t_end
+    path += contact_softness(engine) * (float(down[-1]) + RADIUS * MASS * G / KN)
     why = (
         "overlaps that the scene begins with; first order of the steps" + soft_reason(engine) + single_precision(engine)
     )
     # Overlaps turn the lines of centres by their share of a radius.
-    return way, 4.0 * (softness(engine) + MASS * G / KN / RADIUS) + rough, why
+    return path, 4.0 * (contact_softness(engine) + MASS * G / KN / RADIUS) + rough, why
 
 
 CASE = Stack()

@@ -21,6 +21,7 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     GRAVITY,
     THETA,
+    contact_softness,
     contact_step,
     last,
     numerics_of,
@@ -28,7 +29,6 @@ from ninedisk.harness.cases.common import (
     single_precision,
     slack_time,
     soft_reason,
-    softness,
     whole_steps,
 )
 from ninedisk.references.analytic.assembly.stack import column_forces, pyramid_forces
@@ -260,10 +260,10 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
         if rests:
             why = "starts in equilibrium: round-off of the heights, added up over the undamped steps"
             return StackBounds(params["kn"] * length, params["kn"] * length, length, 0.0, True, 0, why)
-        left = _left(params, disks.mass, t_end)
+        left = _remaining_swing(params, disks.mass, t_end)
         force, why = left * weight + params["kn"] * length, f"round-off; settling has left {left:.1g} of the weight"
         length += left * weight / params["kn"]
-        return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
+        return StackBounds(force, force, length, _top_displacement(params, setup), True, None, why)
     if rests:
         why = "starts in equilibrium: residual of the solver, round-off of the heights"
         force = EXACT_STEP_RTOL * weight + params["kn"] * 8.0 * float(np.spacing(height))
@@ -273,12 +273,12 @@ def stack_bounds(params: Mapping[str, Any], setup: Setup, observed: Observed, en
     length = 1e-12 + speed * t_end + single(engine, height, setup.numerics.n_steps)
     why = "rigid contacts bear the weight at once: residual of the solver, round-off"
     why += soft_reason(engine) + single_precision(engine)
-    force = EXACT_STEP_RTOL * weight + single(engine, weight, 1) + softness(engine) * weight
+    force = EXACT_STEP_RTOL * weight + single(engine, weight, 1) + contact_softness(engine) * weight
     if Difference.KEEPS_KN in engine.differences:
         why += "; overlaps fn/kn, into which it settles"
-        return StackBounds(force, force, length, _sunk(params, setup), True, None, why)
+        return StackBounds(force, force, length, _top_displacement(params, setup), True, None, why)
     # While a soft contact still gives way it hands its part on to the others; at rest it bears what statics asks for.
-    step = force + softness(engine) * network.softened
+    step = force + contact_softness(engine) * network.softened
     if engine.contact == "impulse" and engine.sweeps:
         sweeps = int(engine.option(engine.sweeps, setup.numerics))
         step += weight * network.sweep**sweeps
@@ -315,14 +315,14 @@ def contact_network(setup: Setup, g: float) -> Network:
     return Network(float(np.abs(np.linalg.eigvals(error)).max()), float(np.abs(softened).max()))
 
 
-def _sunk(params: Mapping[str, Any], setup: Setup) -> float:
+def _top_displacement(params: Mapping[str, Any], setup: Setup) -> float:
     """Way of the top disk [m]: at most all contacts' overlaps of the whole weight, steepened by the pyramid's tilt."""
     scene = setup.scene
     weight = float(scene.disks.mass.sum()) * float(params["g"])
     return 4.0 * len(scene.disks) * weight / float(params["kn"])
 
 
-def _left(params: Mapping[str, Any], mass: FloatArray, t_end: float) -> float:
+def _remaining_swing(params: Mapping[str, Any], mass: FloatArray, t_end: float) -> float:
     """Part of the weight by which the slowest mode of the stack still swings after half the time.
 
     A chain of n disks on a floor has the frequencies ``2 omega sin((2 j - 1) pi/(2 (2 n + 1)))``, those of the heaviest disk at least. With

@@ -17,12 +17,12 @@ from ninedisk.harness.cases.common import (
     CONTACT_DYNAMICS,
     GRAVITY,
     THETA,
+    contact_softness,
     contact_step,
     numerics_of,
     single,
     single_precision,
     soft_reason,
-    softness,
 )
 from ninedisk.references.analytic.assembly.wedge import Wedge, wedge
 
@@ -222,7 +222,7 @@ def _bounds(params: Mapping[str, Any], setup: Setup, engine: EngineInfo, truth: 
         sunk = 2.0 * yields + float(truth.floor.max()) / kn
         return _Bounds(force, force, sunk, 1e-9, True, f"{why}; overlaps of {yields:.2g} m, dashpots that follow")
     slip = abs(params["speed"]) / cosine
-    rough = softness(engine) * sensitive + single(engine, weight, 1)
+    rough = contact_softness(engine) * sensitive + single(engine, weight, 1)
     step = sensitive * turning * dt + rough + 1e-9 * weight
     path = slip**2 * dt * dt * steps / (2.0 * RADIUS) + 2.0 * slip * dt + single(engine, 2.0 * RADIUS, steps)
     skewed = turning * dt * (1.0 + params["mu"] ** 2) + 1e-6

@@ -32,8 +32,8 @@ from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.engines.box2d.adapter import OPTIONS
-from ninedisk.harness.engines.lengths import path, size, top_speed, wall_reach
-from ninedisk.harness.engines.world import WorldSession, turn
+from ninedisk.harness.engines.lengths import largest_extent, longest_path, top_speed, wall_reach
+from ninedisk.harness.engines.world import WorldSession, signed_angle
 
 ENGINE_VERSION = version("Box2D")
 
@@ -71,7 +71,9 @@ def units_of(scene: Scene, numerics: Numerics) -> Units:
     """
     fall = math.hypot(*scene.gravity) * numerics.dt * numerics.n_steps
     speed = top_speed(scene) + fall or 1.0
-    length = _power_of_two(max((size(scene) + path(scene, numerics)) / _EXTENT, speed * numerics.dt / _STEP))
+    length = _power_of_two(
+        max((largest_extent(scene) + longest_path(scene, numerics)) / _EXTENT, speed * numerics.dt / _STEP)
+    )
     time = _power_of_two(Box2D.b2_velocityThreshold * length / (_THRESHOLD * speed))
     return Units(length=length, time=time, mass=_power_of_two(float(scene.disks.mass.max(initial=1.0))))
 
@@ -90,7 +92,7 @@ class Box2DSession(WorldSession):
         options = read_options("box2d", OPTIONS, numerics)
         self.reach = wall_reach(scene, numerics, "Box2D")
         self.units = units = units_of(scene, numerics)
-        extent = (size(scene) + path(scene, numerics)) / units.length
+        extent = (largest_extent(scene) + longest_path(scene, numerics)) / units.length
         self.touch = _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
         self.iterations = options["box2d.velocity_iterations"], options["box2d.position_iterations"]
         gravity = np.array(scene.gravity) / units.velocity * units.time
@@ -253,7 +255,7 @@ def _bodies(contact: Any) -> tuple[Pair, float]:
 
 def _tilt(normal: FloatArray) -> float:
     """Angle [rad] by which a wall that faces up is turned."""
-    return turn((0.0, 1.0), normal)
+    return signed_angle((0.0, 1.0), normal)
 
 
 def _pair(vector: FloatArray) -> tuple[float, float]:

@@ -36,7 +36,7 @@ from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
 from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.world import WorldSession, quaternion_of, three, turn
+from ninedisk.harness.engines.world import WorldSession, quaternion_of, signed_angle, three_components
 
 ENGINE_VERSION = version("pybullet")
 
@@ -79,7 +79,7 @@ class BulletSession(WorldSession):
         }
         self.world = BulletClient(connection_mode=pybullet.DIRECT)
         self.world.setTimeStep(self.dt)
-        self.world.setGravity(*(self.unit * component for component in three(scene.gravity)))
+        self.world.setGravity(*(self.unit * component for component in three_components(scene.gravity)))
         self.world.setPhysicsEngineParameter(**parameters)
         law, walls = scene.law_of_bodies, [wall.law for wall in scene.walls]
         alone = len(bodies) < 2
@@ -127,7 +127,7 @@ class BulletSession(WorldSession):
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Set a wall's pose and its chord velocity over the coming step."""
-        half = 0.5 * turn(self.scene.walls[k].normal, facing)
+        half = 0.5 * signed_angle(self.scene.walls[k].normal, facing)
         body, place = self.walls[k], [*(here * self.unit), 0.0]
         self.world.resetBasePositionAndOrientation(body, place, [0.0, 0.0, math.sin(half), math.cos(half)])
         self.world.resetBaseVelocity(body, [*((there - here) * (self.unit / self.dt)), 0.0], [0.0, 0.0, rate])
@@ -162,7 +162,7 @@ class BulletSession(WorldSession):
         disks = self.scene.bodies
         radius = self.unit * (float(disks.radius[i]) + self.inflate)
         shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
-        place = three(self.unit * disks.x[i])
+        place = three_components(self.unit * disks.x[i])
         # A body without mass is Bullet's static one.
         mass = 0.0 if self.fixed[i] or i in self.driven else float(disks.mass[i])
         body: int = self.world.createMultiBody(mass, shape, basePosition=place)
@@ -179,13 +179,15 @@ class BulletSession(WorldSession):
             angularDamping=0.0,
             maxJointVelocity=_UNLIMITED,
         )
-        self.world.resetBaseVelocity(body, three(self.unit * disks.v[i]), three(disks.omega[i]))
+        self.world.resetBaseVelocity(body, three_components(self.unit * disks.v[i]), three_components(disks.omega[i]))
         return body
 
     def _wall(self, k: int, friction: float, restitution: float) -> int:
         wall = self.scene.walls[k]
-        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three(wall.normal))
-        body: int = self.world.createMultiBody(0.0, shape, basePosition=three([self.unit * c for c in wall.point]))
+        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three_components(wall.normal))
+        body: int = self.world.createMultiBody(
+            0.0, shape, basePosition=three_components([self.unit * c for c in wall.point])
+        )
         self.world.changeDynamics(
             body,
             -1,

@@ -44,7 +44,7 @@ NOTE_ELASTIC_REBOUND = "the restitution of elastic contacts is left out: spring,
 NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
 
 
-def expressed(scene: Scene, numerics: Numerics) -> Scene:
+def expressible_scene(scene: Scene, numerics: Numerics) -> Scene:
     """The scene without the preload of springs, and without restitutions that contact dynamics refuses: `supports` notes both."""
 
     def heeded(law: ContactLaw) -> ContactLaw:
@@ -105,8 +105,8 @@ class CdEngine:
         ignored = [law for law in scene.laws_in_use if ignored_restitution(law, not law.regularised, numerics)]
         scheme = (1.0 - numerics.theta) / numerics.theta
         if numerics.impact == "theta" and any(abs(scheme - (law.restitution or 0.0)) > 1e-12 for law in asked):
-            told = ", ".join(f"{e:g}" for e in sorted({law.restitution or 0.0 for law in asked}))
-            notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {told}")
+            reported = ", ".join(f"{e:g}" for e in sorted({law.restitution or 0.0 for law in asked}))
+            notes.append(f"restitution of the theta scheme: (1 - theta)/theta = {scheme:g}; the scene says {reported}")
         if ignored:
             level = SupportLevel.APPROXIMATE
             if not all(law.regularised for law in ignored):
@@ -119,7 +119,7 @@ class CdEngine:
 
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
         with setup:
-            session = CdSession(expressed(scene, numerics), numerics, watch)
+            session = CdSession(expressible_scene(scene, numerics), numerics, watch)
         with warm_up:
             session.warm_up()
         with stepping:
@@ -152,7 +152,7 @@ class CdEngine:
             if done >= steps:
                 raise ReachedError
 
-        session = module.CdSession(expressed(scene, numerics), numerics, watch)
+        session = module.CdSession(expressible_scene(scene, numerics), numerics, watch)
         usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # told of at every sample, whatever the clock says
         try:
             with suppress(ReachedError):

@@ -27,7 +27,7 @@ from ninedisk.core.validate import FloatArray
 from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
 from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.world import WorldSession, three, turn, vector_of
+from ninedisk.harness.engines.world import WorldSession, signed_angle, three_components, vector_of
 
 ENGINE_VERSION = str(dartpy.__version__)
 
@@ -67,7 +67,7 @@ class DartSession(WorldSession):
         }
         self.world = dartpy.simulation.World("ninedisk")
         self.world.setTimeStep(self.dt)
-        self.world.setGravity(three(scene.gravity))
+        self.world.setGravity(three_components(scene.gravity))
         awake = self.world.getDeactivationOptions()
         awake.mEnabled = False
         self.world.setDeactivationOptions(awake)
@@ -120,7 +120,7 @@ class DartSession(WorldSession):
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Set a wall's pose and its chord velocity over the coming step."""
-        self.walls[k].setPositions([*here, turn(self.scene.walls[k].normal, facing)])
+        self.walls[k].setPositions([*here, signed_angle(self.scene.walls[k].normal, facing)])
         self.walls[k].setVelocities([*((there - here) / self.dt), rate])
 
     def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
@@ -183,7 +183,7 @@ class DartSession(WorldSession):
         skeleton = dartpy.dynamics.Skeleton(f"wall {k}")
         body = self._turning_joint(skeleton)
         skeleton.setPositions(self._coordinates(wall.point, [0.0] if self.scene.dimension == 2 else [0.0] * 3))
-        plane = dartpy.dynamics.PlaneShape(three(wall.normal), 0.5 * self.touch)
+        plane = dartpy.dynamics.PlaneShape(three_components(wall.normal), 0.5 * self.touch)
         self._give_surface(body, plane, len(self.scene.bodies) + k, wall.law.mu, restitution)
         skeleton.setMobile(False)
         self.world.addSkeleton(skeleton)

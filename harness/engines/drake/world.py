@@ -43,7 +43,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.harness.engines.world import three
+from ninedisk.harness.engines.world import three_components
 
 ENGINE_VERSION = version("drake")
 
@@ -123,7 +123,7 @@ class DrakeWorld:
         plant.set_contact_model(ContactModel.kPoint)
         if time_step > 0.0:
             plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation])
-        plant.mutable_gravity_field().set_gravity_vector(three(scene.gravity))
+        plant.mutable_gravity_field().set_gravity_vector(three_components(scene.gravity))
         self.number: dict[int, int] = {}
         self.disks = [self._disk(i, surfaces, blocked, inflate) for i in range(len(scene.bodies))]
         self.prescribed = plant.AddModelInstance("walls")
@@ -188,11 +188,11 @@ class DrakeWorld:
         inertia = SpatialInertia(IMMOVABLE, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))
         body = plant.AddRigidBody(f"wall {k}", self.prescribed, inertia)
         self.number[int(body.index())] = len(self.scene.bodies) + k
-        pose = HalfSpace.MakePose(three(wall.normal), np.zeros(3))
+        pose = HalfSpace.MakePose(three_components(wall.normal), np.zeros(3))
         plant.RegisterCollisionGeometry(body, pose, HalfSpace(), f"wall {k}", surfaces.properties(k))
         if driven:
             return _TurningJoint(plant, body, f"wall {k}", [0.0, 0.0, 0.0])
-        return plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(three(wall.point)))
+        return plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform(three_components(wall.point)))
 
 
 class _TurningJoint:

@@ -31,7 +31,7 @@ def serve(make):
             "engine_version": run.version(),
             "timings": {"setup": setup, "warm_up": 0.0, "advance": float(spent[0]), **cpu},
             "settings": run.settings(),
-            "history": written(run.history(), request["answer_file"]),
+            "history": encoded_history(run.history(), request["answer_file"]),
         }
     except Exception as error:  # the harness shows the text; a traceback would only bury it
         answer = {"wire_version": 1, "error": f"{type(error).__name__}: {error}"}
@@ -42,12 +42,16 @@ MANY = 5000
 """Numbers of a history from which a file of arrays takes less time than text."""
 
 
-def written(history, answer_file):
+def encoded_history(history, answer_file):
     """A history of arrays as the answer has it: as lists or, with `MANY` numbers, in a file beside the answer."""
     meaning, energy = history.pop("force_meaning"), history.pop("energy")
     if sum(np.size(values) for values in history.values()) < MANY:
-        lists = {name: known(values) for name, values in history.items()}
-        return {**lists, "force_meaning": meaning, "energy": {name: known(values) for name, values in energy.items()}}
+        lists = {name: without_nan(values) for name, values in history.items()}
+        return {
+            **lists,
+            "force_meaning": meaning,
+            "energy": {name: without_nan(values) for name, values in energy.items()},
+        }
     name = os.path.basename(answer_file) + ".npz"
     path = os.path.join(os.path.dirname(answer_file), name)
     np.savez(path, **history, **{f"energy.{kind}": values for kind, values in energy.items()})
@@ -115,10 +119,10 @@ class Run:
         self.fixed = self.held.all(axis=1) & ~self.rotating & ~moving
         self.gravity, self.xi = np.array(scene["gravity"]), scene.get("xi", 0.0)
         turning = bool(self.rotating.any())
-        self.law = completed(scene[f"{self.noun}_{self.noun}"], turning)
-        self.walls = [{**wall, "law": completed(wall["law"], turning)} for wall in scene["walls"]]
+        self.law = completed_law(scene[f"{self.noun}_{self.noun}"], turning)
+        self.walls = [{**wall, "law": completed_law(wall["law"], turning)} for wall in scene["walls"]]
         self.material = bodies.get("material", [""] * n)
-        self.laws = {frozenset((one, two)): completed(law, turning) for one, two, law in scene.get("laws", [])}
+        self.laws = {frozenset((one, two)): completed_law(law, turning) for one, two, law in scene.get("laws", [])}
         self.all_laws = [self.law, *(wall["law"] for wall in self.walls), *self.laws.values()]
         self.damped = any(law["beta"] > 0.0 for law in self.all_laws)
         self.forces_on = [{**force, "end": float(force["end"])} for force in scene.get("forces", [])]
@@ -286,7 +290,7 @@ class Cell:
         return found
 
 
-def known(values):
+def without_nan(values):
     """Nested lists with null for NaN, which JSON does not have."""
     return np.where(np.isnan(values), None, values).tolist()
 
@@ -350,13 +354,13 @@ LAW = {
 """What the wire leaves out of a law."""
 
 
-def completed(law, turning):
+def completed_law(law, turning):
     """A law with the fields that the wire leaves out; without resistance to spins where no body can turn."""
     full = {**LAW, **law}
     return full if turning else {**full, "rolling": None, "twisting": None}
 
 
-def rough(law):
+def carries_shear(law):
     """Whether a contact can carry shear."""
     return law["mu"] > 0.0 and (law["ks"] > 0.0 or law["g_star"] > 0.0)
 

@@ -21,9 +21,9 @@ from ninedisk.harness.engines.spring import (
     SPRINGS_3D,
     Fit,
     SpringEngine,
+    carries_shear,
     fit_arms,
     plane_laws,
-    rough,
     sphere_laws,
     uniform,
 )
@@ -162,14 +162,14 @@ class EsysParticle(SpringEngine):
         between, laws = sphere_laws(scene), scene.laws_in_use
         planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
         asked = [
-            (Capability.SHEAR_SPRING, any(map(rough, planes))),
+            (Capability.SHEAR_SPRING, any(map(carries_shear, planes))),
             (Capability.CONTACT_DAMPING, any(law.beta > 0.0 for law in planes)),
             (Capability.HERTZ_MINDLIN, any(law.hertz for law in planes)),
         ]
         if lacking := [capability for capability, needed in asked if needed]:
             fit.missing.update(lacking)
             fit.notes.append(NOTE_PLANES)
-        if any(law.hertz and rough(law) for law in between):
+        if any(law.hertz and carries_shear(law) for law in between):
             fit.lacks(Capability.SHEAR_SPRING, NOTE_ROUGH_HERTZ)
         if any(law.beta > 0.0 and not law.hertz for law in between):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_LINEAR_DASHPOT)
@@ -181,7 +181,7 @@ class EsysParticle(SpringEngine):
             fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
         if scene.spheres.omega[~scene.spheres.rotating].any():
             fit.lacks(Capability.BLOCKED_ROTATION, NOTE_BLOCKED_SPIN)
-        if any(map(rough, between)):
+        if any(map(carries_shear, between)):
             fit.approximate = True
             fit.notes += [NOTE_ARM, NOTE_DIRECTION]
             if scene.spheres.rotating.any() and len(np.unique(scene.spheres.radius)) > 1:

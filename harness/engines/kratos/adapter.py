@@ -17,14 +17,14 @@ from ninedisk.harness.engines.spring import (
     NOTE_MEAN,
     Fit,
     SpringEngine,
+    carries_shear,
     disk_laws,
     hertz,
     plane_laws,
-    rough,
     sphere_laws,
-    turns,
     uneven_planes,
     wall_laws,
+    wall_turns,
 )
 from ninedisk.harness.engines.symmetry import no_disk_can_turn
 
@@ -178,16 +178,18 @@ class Kratos(SpringEngine):
         APPROXIMATE where a lever arm differs or rough walls turn.
         """
         between, at_walls = disk_laws(scene), [(wall, law) for wall in scene.walls for law in wall_laws(scene, wall)]
-        rough_walls = [(wall, law) for wall, law in at_walls if rough(law)]
+        rough_walls = [(wall, law) for wall, law in at_walls if carries_shear(law)]
         fit.missing -= ARMS
         if capabilities_needed(scene, numerics) & ARMS:
             if no_disk_can_turn(scene):
                 fit.notes.append(NOTE_SYMMETRY)
             else:
                 fit.notes += [NOTE_ARMS, NOTE_ROTATION]
-                arms = {LEVER_ARMS[law.lever_arm] for law in between if rough(law)} - {Capability.LEVER_ARM_OVERLAP}
+                arms = {LEVER_ARMS[law.lever_arm] for law in between if carries_shear(law)} - {
+                    Capability.LEVER_ARM_OVERLAP
+                }
                 fit.near |= arms | {LEVER_ARMS[law.lever_arm] for _, law in rough_walls}
-        if any(turns(wall.motion) for wall, _ in rough_walls):
+        if any(wall_turns(wall.motion) for wall, _ in rough_walls):
             fit.notes += [NOTE_WALL_VELOCITY, NOTE_TURNING]
             fit.approximate = True
         resisted = (
@@ -200,7 +202,7 @@ class Kratos(SpringEngine):
             for model in sorted(between_disks):
                 fit.lacks(ROLLING[model], NOTE_ROLLING_PAIRS)
         damped = [law for law in scene.laws_in_use if law.beta > 0.0]
-        if any(law.beta > 0.0 for _, law in at_walls) or any(rough(law) for law in damped):
+        if any(law.beta > 0.0 for _, law in at_walls) or any(carries_shear(law) for law in damped):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT)
         if damped and len(between) > 1:
             fit.lacks(Capability.MATERIALS, NOTE_ONE_DASHPOT)
@@ -210,24 +212,26 @@ class Kratos(SpringEngine):
         fit.missing -= ARMS
         planes = [law for wall in scene.walls for law in plane_laws(scene, wall)]
         if scene.spheres.rotating.any():
-            asked = [law for law in sphere_laws(scene) if rough(law) and law.lever_arm != "overlap"]
-            fit.near |= {LEVER_ARMS[law.lever_arm] for law in (*asked, *filter(rough, planes))}
+            asked = [law for law in sphere_laws(scene) if carries_shear(law) and law.lever_arm != "overlap"]
+            fit.near |= {LEVER_ARMS[law.lever_arm] for law in (*asked, *filter(carries_shear, planes))}
             if fit.near:
                 fit.notes.append(NOTE_ARMS_3D)
-        if any(turns(wall.motion) and any(map(rough, plane_laws(scene, wall))) for wall in scene.walls):
+        if any(wall_turns(wall.motion) and any(map(carries_shear, plane_laws(scene, wall))) for wall in scene.walls):
             fit.lacks(Capability.ROTATING_WALLS, NOTE_TURNING_3D)
         if uneven_planes(scene):
             fit.equivalent = True
             fit.notes.append(NOTE_MEAN)
         damped = [law for law in scene.laws_in_use if law.beta > 0.0]
-        if any(map(rough, damped)) or (any(law.beta > 0.0 for law in planes) and any(map(rough, planes))):
+        if any(map(carries_shear, damped)) or (
+            any(law.beta > 0.0 for law in planes) and any(map(carries_shear, planes))
+        ):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_NO_DASHPOT_3D)
         fit.approximate = bool(damped)
         kinds = {law.hertz for law in scene.laws_in_use}
         if len(kinds) > 1:
             fit.lacks(Capability.MATERIALS, NOTE_ONE_LAW)
         elif kinds == {True}:
-            if any(map(rough, scene.laws_in_use)):
+            if any(map(carries_shear, scene.laws_in_use)):
                 fit.lacks(Capability.SHEAR_SPRING, NOTE_ROUGH_HERTZ)
             if moduli(scene) is None:
                 fit.lacks(Capability.HERTZ_MINDLIN, NOTE_MODULI)

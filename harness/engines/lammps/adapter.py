@@ -24,15 +24,15 @@ from ninedisk.harness.engines.spring import (
     SPRINGS_3D,
     Fit,
     SpringEngine,
+    carries_shear,
     disk_laws,
     fit_arms,
     plane_laws,
-    rough,
     sphere_laws,
-    turns,
     uneven_planes,
     uniform,
     wall_laws,
+    wall_turns,
 )
 from ninedisk.harness.engines.world import contact_frame
 
@@ -188,18 +188,18 @@ class Lammps(SpringEngine):
     def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
         """Lever arms by pair style, walls' velocities as means over the step, uniform disks, preloads that velocities can make."""
         disks, laws = scene.disks, scene.laws_in_use
-        pairs = any(map(rough, disk_laws(scene)))
-        walls = [wall for wall in scene.walls if any(map(rough, wall_laws(scene, wall)))]
+        pairs = any(map(carries_shear, disk_laws(scene)))
+        walls = [wall for wall in scene.walls if any(map(carries_shear, wall_laws(scene, wall)))]
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS
         if pairs:
             fit.notes.append(NOTE_CLASSIC if classic_pairs(scene) else NOTE_GRANULAR)
         if walls:
             fit.notes.append(NOTE_WALL_ARM)
-            if any(turns(wall.motion) for wall in scene.walls):
+            if any(wall_turns(wall.motion) for wall in scene.walls):
                 fit.notes.append(NOTE_WALL_VELOCITY)
         uniform = np.abs(disks.inertia - 0.5 * disks.mass * disks.radius**2) <= 1e-12 * disks.inertia
-        if any(map(rough, laws)) and not uniform[disks.rotating].all():
+        if any(map(carries_shear, laws)) and not uniform[disks.rotating].all():
             fit.lacks(Capability.DISK_INERTIA, NOTE_INERTIA)
         told_apart = any(
             scene.laws or law.beta > 0.0 or law.rolling is not None
@@ -233,7 +233,9 @@ class Lammps(SpringEngine):
         if any(law.lever_arm == "torque-overlap" for wall in walls for law in wall_laws(scene, wall)):
             fit.near.add(Capability.LEVER_ARM_TORQUE)
         if any(
-            turns(wall.motion) and law.wall_velocity_at != "surface" for wall in walls for law in wall_laws(scene, wall)
+            wall_turns(wall.motion) and law.wall_velocity_at != "surface"
+            for wall in walls
+            for law in wall_laws(scene, wall)
         ):
             fit.approximate = True
         if any(_starts_damped(scene, wall) for wall in scene.walls):
@@ -247,18 +249,18 @@ class Lammps(SpringEngine):
         """Lever arms, walls that turn about one axis, what dashpots and surface energy can be together."""
         fit_arms(scene, fit, "torque-overlap", "radius")
         laws = scene.laws_in_use
-        if any(map(rough, sphere_laws(scene))):
+        if any(map(carries_shear, sphere_laws(scene))):
             fit.notes.append(NOTE_ARMS)
         if not uniform(scene):
             fit.lacks(Capability.DISK_INERTIA, NOTE_UNIFORM)
         if any(law.beta >= 1.0 for law in laws):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_OVERDAMPED)
-        if any(law.beta > 0.0 and rough(law) for law in laws):
+        if any(law.beta > 0.0 and carries_shear(law) for law in laws):
             fit.approximate = True
             fit.notes.append(NOTE_PULLED)
         if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):
             fit.lacks(Capability.CONTACT_DAMPING, NOTE_ADHESION)
-        if any(law.surface_energy > 0.0 and law.friction_pull != 2.0 and rough(law) for law in laws):
+        if any(law.surface_energy > 0.0 and law.friction_pull != 2.0 and carries_shear(law) for law in laws):
             fit.approximate = True
             fit.notes.append(NOTE_PULL)
         if any(
@@ -274,7 +276,7 @@ class Lammps(SpringEngine):
             if any(each.beta > 0.0 for each in resisted):
                 fit.lacks(Capability.ROLLING_SPRING, NOTE_RESISTANCE_DAMPED)
             if any(
-                turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w))
+                wall_turns(w.motion) and any(law.rolling or law.twisting for law in plane_laws(scene, w))
                 for w in scene.walls
             ):
                 fit.lacks(Capability.ROTATING_WALLS, NOTE_RESISTANCE_WALLS)
@@ -312,7 +314,7 @@ def classic_pairs(scene: Scene) -> bool:
 
 
 def _asks_for_radius(scene: Scene) -> bool:
-    return any(rough(law) and law.lever_arm == "radius" for law in disk_laws(scene))
+    return any(carries_shear(law) and law.lever_arm == "radius" for law in disk_laws(scene))
 
 
 def _can_be_stretched(scene: Scene) -> bool:
@@ -325,7 +327,7 @@ def _can_be_stretched(scene: Scene) -> bool:
         for j in range(i + 1, scene.n_bodies):
             facing, gap = contact_frame(scene, scene.disks.x, point, normal, i, j)
             law = scene.law((i, j))
-            if gap >= 0.0 or not rough(law):
+            if gap >= 0.0 or not carries_shear(law):
                 continue
             slip = np.zeros((n, 3))
             for body, sign in ((i, 1.0), (j, -1.0)):
@@ -351,7 +353,7 @@ def _uneven_walls(scene: Scene, numerics: Numerics) -> bool:
     felt = [
         wall.motion
         for wall in scene.walls
-        if wall.motion and any(rough(law) or law.beta > 0.0 for law in wall_laws(scene, wall))
+        if wall.motion and any(carries_shear(law) or law.beta > 0.0 for law in wall_laws(scene, wall))
     ]
     if not felt:
         return False

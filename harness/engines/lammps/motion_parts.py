@@ -36,7 +36,7 @@ class WallMotion:
         motion = [{**segment, "duration": float(segment["duration"])} for segment in wall["motion"]]
         self.turns = any(np.any(segment["angular_velocity"]) for segment in motion)
         self.moves = self.turns or any(_translates(segment) for segment in motion)
-        self._begin(motion)
+        self._set_pivot(motion)
         pieces = self._pieces(motion)  # (end, formulas)
         self.formulas = pieces[-1][1]
         for end, piece in reversed(pieces[:-1]):
@@ -44,10 +44,10 @@ class WallMotion:
                 f"ternary(v_t<{term(end)},{now},{later})" for now, later in zip(piece, self.formulas, strict=True)
             )
 
-    def _begin(self, motion):
+    def _set_pivot(self, motion):
         """Set ``pivot``."""
 
-    def _way_to_pivot(self, motion):
+    def _displacement_to_pivot(self, motion):
         """Displacement before the first rotation [m], and the segment that turns, None where there is none."""
         away = np.zeros(len(self.point))
         for segment in motion:
@@ -64,8 +64,8 @@ class WallMotion2D(WallMotion):
 
     names = "xya"
 
-    def _begin(self, motion):
-        away, turning = self._way_to_pivot(motion)
+    def _set_pivot(self, motion):
+        away, turning = self._displacement_to_pivot(motion)
         self.pivot = self.point
         if turning is not None:
             x, y = away.tolist()
@@ -119,9 +119,9 @@ class WallMotion3D(WallMotion):
 
     names = "xyza"
 
-    def _begin(self, motion):
+    def _set_pivot(self, motion):
         point = np.array(self.point)
-        away, turning = self._way_to_pivot(motion)
+        away, turning = self._displacement_to_pivot(motion)
         self.pivot = point
         if turning is not None:
             spin = np.array(turning["angular_velocity"])

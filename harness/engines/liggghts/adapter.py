@@ -27,14 +27,14 @@ from ninedisk.harness.engines.spring import (
     SPRINGS_3D,
     Fit,
     SpringEngine,
+    carries_shear,
     fit_arms,
     hertz,
-    rough,
     sphere_laws,
     uniform,
 )
 from ninedisk.harness.engines.symmetry import no_disk_can_turn
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 DRIVER = Path(__file__).with_name("driver.py")
 LIBRARY = "libliggghts.so.3"
@@ -94,7 +94,9 @@ RIGID = 1e-13
 def _library() -> tuple[str, str]:
     """Path of LIGGGHTS' library and "", or "" and the reason."""
     try:
-        done = subprocess.run([LDCONFIG, "-p"], capture_output=True, text=True, timeout=30, env=owned(), check=True)
+        done = subprocess.run(
+            [LDCONFIG, "-p"], capture_output=True, text=True, timeout=30, env=guarded_environment(), check=True
+        )
     except (OSError, subprocess.SubprocessError) as error:
         return "", f"{LDCONFIG} -p fails: {error}"
     for line in done.stdout.splitlines():
@@ -178,12 +180,12 @@ class Liggghts(SpringEngine):
         """One normal model, materials that have the scene's moduli, walls on polygons in time."""
         fit_arms(scene, fit, "overlap", "overlap")
         laws = scene.laws_in_use
-        if any(map(rough, laws)):
+        if any(map(carries_shear, laws)):
             fit.notes += [NOTE_ARM, NOTE_PROJECTION]
-        if any(map(rough, sphere_laws(scene))):
+        if any(map(carries_shear, sphere_laws(scene))):
             fit.approximate = True
             fit.notes.append(NOTE_KEPT)
-        if any(law.beta > 0.0 and rough(law) for law in laws):
+        if any(law.beta > 0.0 and carries_shear(law) for law in laws):
             fit.approximate = True
             fit.notes.append(NOTE_PULLED)
         if not uniform(scene):
@@ -207,7 +209,7 @@ class Liggghts(SpringEngine):
         return {
             **given,
             "elastic": materials(scene) if isinstance(scene, SphereScene) and hertz(scene) else [],
-            "wall_legs": [legs(wall, given["contact_dt"]) for wall in scene.walls],
+            "wall_legs": [motion_segments(wall, given["contact_dt"]) for wall in scene.walls],
             "reach": wall_reach(scene, numerics, self.id),
             "library": _library()[0],
             "version": self.info().version,
@@ -221,7 +223,7 @@ def _can_preload(scene: Scene) -> bool:
         if not force:
             continue
         law = scene.law((i, j))
-        if j < n or not rough(law):
+        if j < n or not carries_shear(law):
             return False
         away = np.hypot(*(x - x[i]).T) - radius - radius[i]
         away[i] = np.inf
@@ -259,13 +261,13 @@ def materials(scene: SphereScene) -> list[tuple[float, float]] | None:
         return solved if np.abs(matrix @ solved - values).max(initial=0.0) <= 1e-12 * values.max(initial=0.0) else None
 
     normal = shares([(a, b, 1.0 / law.e_star) for a, b, law in found])
-    shear = shares([(a, b, 1.0 / law.g_star) for a, b, law in found if rough(law)])
+    shear = shares([(a, b, 1.0 / law.g_star) for a, b, law in found if carries_shear(law)])
     if normal is None or shear is None:
         return None
     least = RIGID * np.abs(normal).max(initial=0.0)
     answer = []
     for k in range(size):
-        asked = any(rough(law) for a, b, law in found if k in (a, b))
+        asked = any(carries_shear(law) for a, b, law in found if k in (a, b))
         if normal[k] < -least or (asked and shear[k] < -4.0 * least):
             return None
         rigid = normal[k] <= 10.0 * least
@@ -287,7 +289,7 @@ def steps_hold_segments(scene: Scene | SphereScene, numerics: Numerics) -> bool:
     return all(abs(end / contact_dt - round(end / contact_dt)) <= 1e-9 * end / contact_dt for end in ends)
 
 
-def legs(wall: Wall | PlaneWall, contact_dt: float) -> list[tuple[int, int, tuple[float, ...]]]:
+def motion_segments(wall: Wall | PlaneWall, contact_dt: float) -> list[tuple[int, int, tuple[float, ...]]]:
     """Contact steps after which and up to which the wall moves, and its velocity [m/s]; rests left out."""
     begin, end = 0, 0.0
     found: list[tuple[int, int, tuple[float, ...]]] = []

@@ -106,7 +106,7 @@ class Run(SpringRun):
             do(f"create_atoms {k + 1} single {numbers(place)} units box")
         # Diameters must be set by command: the neighbour lists are made for the largest one known.
         do(*(f"set atom {i + 1} diameter {number(2.0 * radius)}" for i, radius in enumerate(self.radius)))
-        self.engine.look(self.n, self.noun)
+        self.engine.note_atoms(self.n, self.noun)
         self.engine.set("rmass", self.mass * self.inflate)
         groups = {"turning": self.rotating, "still": ~self.rotating, "fixed": self.fixed, "free": ~self.fixed}
         do(*(f"group {name} id {ids(members)}" for name, members in groups.items() if members.any()))
@@ -330,9 +330,9 @@ class Liggghts:
             values = " ".join(number(value) for value in matrix.ravel())
             self.do(f"fix {name} all property/global {name} peratomtypepair {len(matrix)} {values}")
         self.do(f"pair_style gran {style}", "pair_coeff * *", f"timestep {number(dt)}")
-        self._tell("pairs", "pair", 2)
+        self._send_constants("pairs", "pair", 2)
 
-    def _tell(self, name, kind, column):
+    def _send_constants(self, name, kind, column):
         self.do(
             f"compute {name} all {kind}/gran/local id force_normal force_tangential delta",
             f"compute {name}_sum all reduce sum c_{name}[{column}]",
@@ -350,7 +350,7 @@ class Liggghts:
         """Contacts of a group with all walls, and what they tell."""
         meshes = " ".join(f"mesh{w}" for w in range(walls))
         self.do(f"fix walls {group} wall/gran {model} mesh n_meshes {walls} meshes {meshes}{options}")
-        self._tell("walls", "wall", 3)
+        self._send_constants("walls", "wall", 3)
 
     def move(self, w, legs):
         """Velocity [m/s] of a wall between steps, none where it rests: ``(step before the first, last step, velocity)``."""
@@ -372,7 +372,7 @@ class Liggghts:
         for wall, _, one, *row in self.local("walls", self.count("walls_sum", "walls_ave"), COLUMNS):
             yield int(one) - 1, int(wall), np.array(row)
 
-    def look(self, count, noun):
+    def note_atoms(self, count, noun):
         """Note the number of atoms and their order, which stays as it is: sorting is off and there is one process."""
         self.atoms, made = count, self.library.lammps_get_natoms(self.handle)
         if made != count:

@@ -53,7 +53,7 @@ from ninedisk.harness.engines.world import (
     poses_of,
     quaternion_of,
     rotation_of,
-    three,
+    three_components,
     twists,
     write_contacts,
     write_driven,
@@ -117,9 +117,9 @@ class MuJoCoSession:
         self.number = {
             mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, _name(k)): k for k in range(scene.n_bodies)
         }
-        self.begin()
+        self.initialise()
 
-    def begin(self) -> None:
+    def initialise(self) -> None:
         """The state of time 0."""
         bodies = self.scene.bodies
         turns = bodies.rotating | (bodies.omega != 0.0).reshape(len(bodies), -1).any(axis=1)
@@ -225,9 +225,9 @@ class MuJoCoSession:
         self._check_warnings()
         if self.driven:
             write_driven(self.scene, history, row, self.done * self.dt)
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), self.summed(), self.dt)
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), self.summed_impulses(), self.dt)
 
-    def summed(self) -> dict[Pair, FloatArray] | None:
+    def summed_impulses(self) -> dict[Pair, FloatArray] | None:
         """Impulses of the last step; None before the first."""
         return {pair: np.array(total) for pair, total in self.impulses.items()} if self.done else None
 
@@ -274,7 +274,7 @@ class MuJoCoSession:
         spec = mujoco.MjSpec()
         option, options = spec.option, self.options
         option.timestep = self.h
-        option.gravity = three(self.scene.gravity)
+        option.gravity = three_components(self.scene.gravity)
         option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         option.solver = mujoco.mjtSolver.mjSOL_NEWTON
         option.cone = CONES[options["mujoco.cone"]]
@@ -289,7 +289,7 @@ class MuJoCoSession:
             self._add_disk(spec, i)
         for k in range(len(self.scene.walls)):
             self._add_wall(spec, k)
-        still = self.still()
+        still = self.immovable_bodies()
         for one, two in combinations(range(self.scene.n_bodies), 2):
             if one < n and not (still[one] and still[two]):
                 self._add_pair(spec, (one, two))
@@ -301,14 +301,14 @@ class MuJoCoSession:
         model.stat.meaninertia = float(self.scene.bodies.mass.mean()) if n else 1.0
         return model
 
-    def still(self) -> list[bool]:
+    def immovable_bodies(self) -> list[bool]:
         """Which bodies and walls no contact can move: two of them have none."""
         bodies = (kept or i in self.driven for i, kept in enumerate(self.fixed.tolist()))
         return [*bodies, *(True for _ in self.scene.walls)]
 
     def _add_disk(self, spec: Any, i: int) -> None:
         bodies = self.scene.bodies
-        mass, radius, place = float(bodies.mass[i]), float(bodies.radius[i]), three(bodies.x[i])
+        mass, radius, place = float(bodies.mass[i]), float(bodies.radius[i]), three_components(bodies.x[i])
         sphere = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
         if self.fixed[i]:
             spec.worldbody.add_geom(pos=place, contype=0, conaffinity=0, **sphere)
@@ -327,7 +327,7 @@ class MuJoCoSession:
         facing = flat if self.size == 2 else from_z(np.array(wall.normal))
         if k not in self.boxes:
             plane = mujoco.mjtGeom.mjGEOM_PLANE
-            shape = {"type": plane, "pos": three(wall.point), "size": [0.0, 0.0, 1.0]}
+            shape = {"type": plane, "pos": three_components(wall.point), "size": [0.0, 0.0, 1.0]}
             spec.worldbody.add_geom(name=name, quat=facing, contype=0, conaffinity=0, **shape)
             return
         mass = _PRESCRIBED * float(self.scene.bodies.mass.max(initial=1e-300))

@@ -25,7 +25,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
-from ninedisk.harness.engines.world import WorldSession, turn
+from ninedisk.harness.engines.world import WorldSession, signed_angle
 
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
 
@@ -92,7 +92,7 @@ class PymunkSession(WorldSession):
         """Set a wall's pose and its chord velocity over the coming step."""
         body = self.walls[k]
         body.position = tuple(here.tolist())
-        body.angle = turn(self.scene.walls[k].normal, facing)
+        body.angle = signed_angle(self.scene.walls[k].normal, facing)
         body.velocity = tuple(((there - here) / self.dt).tolist())
         body.angular_velocity = rate
         self.space.reindex_shapes_for_body(body)

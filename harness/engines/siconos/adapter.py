@@ -20,7 +20,7 @@ from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference, EngineInfo, EngineRun, Support
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.api.wall_path import wall_path
-from ninedisk.harness.engines.lengths import path, touch_length
+from ninedisk.harness.engines.lengths import longest_path, touch_length
 from ninedisk.harness.engines.process import (
     SYSTEM_PYTHON,
     ProcessEngine,
@@ -94,7 +94,7 @@ def activation_threshold(scene: Scene | SphereScene, numerics: Numerics) -> floa
     from the positions: a stack whose gap had grown beyond round-off by it would lose the contact for a step, and fall.
     """
     tolerance = float(read_options(Siconos.id, OPTIONS, numerics)[f"{Siconos.id}.tolerance"])
-    return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * path(scene, numerics)
+    return touch_length(scene, numerics, Siconos.id) + 10.0 * tolerance * longest_path(scene, numerics)
 
 
 def step_path(scene: SphereScene, numerics: Numerics) -> FloatArray:

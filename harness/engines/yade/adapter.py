@@ -20,13 +20,13 @@ from ninedisk.harness.engines.spring import (
     SPRINGS_3D,
     Fit,
     SpringEngine,
+    carries_shear,
     fit_arms,
-    rough,
-    turns,
     uneven_planes,
     wall_laws,
+    wall_turns,
 )
-from ninedisk.harness.run.warden import owned
+from ninedisk.harness.run.process_guard import guarded_environment
 
 _FOREIGN = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "VIRTUAL_ENV", "DISPLAY", "OMPI_COMM_WORLD_RANK")
 YADE_HAS = frozenset(
@@ -110,7 +110,12 @@ def _version(program: str) -> tuple[str | None, str]:
     """Version of the YADE at this path, or None and the reason."""
     try:
         done = subprocess.run(
-            [program, "--version"], capture_output=True, text=True, timeout=30, env=owned(_clean()), check=True
+            [program, "--version"],
+            capture_output=True,
+            text=True,
+            timeout=30,
+            env=guarded_environment(_clean()),
+            check=True,
         )
     except (OSError, subprocess.SubprocessError) as error:
         return None, f"{program} --version fails: {error}"
@@ -191,7 +196,9 @@ class Yade(SpringEngine):
         """One lever arm for all contacts, and a wall's velocity at the middle of the overlap."""
         fit.near |= fit.missing & ARMS
         fit.missing -= ARMS
-        turning = [law for wall in scene.walls if turns(wall.motion) for law in wall_laws(scene, wall) if law.mu > 0.0]
+        turning = [
+            law for wall in scene.walls if wall_turns(wall.motion) for law in wall_laws(scene, wall) if law.mu > 0.0
+        ]
         fit.approximate = any(law.wall_velocity_at != "mid-overlap" for law in turning)
         laws = scene.laws_in_use
         models = sorted({law.rolling.model for law in laws if law.rolling}) if scene.disks.rotating.any() else []
@@ -210,10 +217,10 @@ class Yade(SpringEngine):
         """One lever arm for all contacts; which springs resist spins beside which law."""
         fit_arms(scene, fit, "overlap", "overlap")
         laws = scene.laws_in_use
-        if any(map(rough, laws)):
+        if any(map(carries_shear, laws)):
             fit.notes += [NOTE_ARM_3D, NOTE_ROTATION_3D]
         fit.approximate = any(law.beta > 0.0 for law in laws)
-        if any(law.surface_energy > 0.0 and law.friction_pull != 1.0 and rough(law) for law in laws):
+        if any(law.surface_energy > 0.0 and law.friction_pull != 1.0 and carries_shear(law) for law in laws):
             fit.approximate = True
             fit.notes.append(NOTE_PULL)
         if any(law.surface_energy > 0.0 and law.beta > 0.0 for law in laws):

@@ -72,14 +72,14 @@ class WallBox:
         body.mask = WALL_MASK
         O.bodies.append(body)
         self.state = body.state
-        self.begin(row)
+        self.initialise(row)
         self.place(row)
 
 
 class WallBox2D(WallBox):
     """A wall of 2D: it turns about z."""
 
-    def begin(self, row):
+    def initialise(self, row):
         px, py, nx, ny = row[:4]
         self.along = float((self.middle - (px, py)) @ (-ny, nx))
         self.normal, self.still = None, False
@@ -106,7 +106,7 @@ class WallBox2D(WallBox):
 class WallBox3D(WallBox):
     """A wall of 3D. Its box does not turn about its own normal: only its velocity has such a spin."""
 
-    def begin(self, row):  # noqa: ARG002
+    def initialise(self, row):  # noqa: ARG002
         self.placed = b""
 
     def place(self, row):

@@ -105,12 +105,12 @@ def forces_of(
     return np.asarray(np.longdouble(kn) * -np.diff(ways, axis=1), dtype=np.longdouble)
 
 
-def static_force(*, n: int, kn: float, way: float) -> float:
+def static_force(*, n: int, kn: float, path: float) -> float:
     """Change of every contact force once all is at rest [N]: ``kn w/(n + 1)``, n + 1 equal springs in series."""
     count(n=n, least=1)
     positive(kn=kn)
-    finite(way=way)
-    return kn * way / (n + 1)
+    finite(path=path)
+    return kn * path / (n + 1)
 
 
 def mode_forces(*, n: int, kn: float, mass: float, v_wall: float) -> FloatArray:

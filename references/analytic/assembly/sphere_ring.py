@@ -76,7 +76,7 @@ def ring_forces(*, n: int, angle: float, top: float, each: float) -> RingForces:
     return RingForces(leg, leg * least, each + leg, leg * least, least, least * leg / (each + leg))
 
 
-def fallen(
+def top_displacement(
     t: ArrayLike, *, n: int, angle: float, mu: float, top: float, each: float, radius: float, g: float
 ) -> FloatArray:
     """How far the top has come down [m], shape (s,), where friction ``mu`` is below ``ring_forces().top_mu``: integrated to 1e-12.

@@ -14,7 +14,7 @@ from ninedisk.references._validate import array, positive, times_of
 FloatArray = NDArray[np.float64]
 
 
-class Taken(NamedTuple):
+class BeltMotion(NamedTuple):
     """Displacement [m] and velocity [m/s] of a body along the belt, and displacement of the belt [m]."""
 
     x: FloatArray
@@ -22,7 +22,7 @@ class Taken(NamedTuple):
     belt: FloatArray
 
 
-def taken_along(t: ArrayLike, *, segments: Sequence[Sequence[float]], pull: float, ease: float) -> Taken:
+def belt_motion(t: ArrayLike, *, segments: Sequence[Sequence[float]], pull: float, ease: float) -> BeltMotion:
     """A body at rest at time 0 on a belt whose speed is constant by segments.
 
     While it slips, its velocity changes by ``pull`` in the direction of the slip, and the slip by ``ease`` times that; then it
@@ -73,4 +73,4 @@ def taken_along(t: ArrayLike, *, segments: Sequence[Sequence[float]], pull: floa
             break
         place += speed * duration + rate * slips * (duration - 0.5 * slips)
         begin, speed, ran = begin + duration, speed + rate * slips, ran + wanted * duration
-    return Taken(x, v, belt)
+    return BeltMotion(x, v, belt)

@@ -85,8 +85,8 @@ class Shuttle(NamedTuple):
     changes: FloatArray
 
 
-def shuttle(t: ArrayLike, *, speed: float, gap: float, way: float, omega_first: float, omega_second: float) -> Shuttle:
-    """Disk that flies to a plane at distance ``gap``, rebounds, flies ``way`` to a second plane, rebounds, and so on.
+def shuttle(t: ArrayLike, *, speed: float, gap: float, path: float, omega_first: float, omega_second: float) -> Shuttle:
+    """Disk that flies to a plane at distance ``gap``, rebounds, flies ``path`` to a second plane, rebounds, and so on.
 
     An elastic contact of stiffness kn and mass m lasts ``pi/omega``, ``omega^2 = kn/m``, and is half a sine; flights are uniform.
 
@@ -95,17 +95,17 @@ def shuttle(t: ArrayLike, *, speed: float, gap: float, way: float, omega_first: 
     t : array_like
         Times [s], >= 0.
     speed, gap, way : float
-        [m/s], [m], [m], > 0; ``gap <= way``.
+        [m/s], [m], [m], > 0; ``gap <= path``.
     omega_first, omega_second : float
         Of the two contacts [rad/s], > 0.
     """
-    positive(speed=speed, gap=gap, way=way, omega_first=omega_first, omega_second=omega_second)
-    if not gap <= way:
+    positive(speed=speed, gap=gap, path=path, omega_first=omega_first, omega_second=omega_second)
+    if not gap <= path:
         raise ValueError(
-            f"gap = {gap!r} m is not allowed: it must be at most way = {way!r} m, the distance of the planes"
+            f"gap = {gap!r} m is not allowed: it must be at most way = {path!r} m, the distance of the planes"
         )
     times = times_of(t)
-    lengths = (math.pi / omega_first, way / speed, math.pi / omega_second, way / speed)
+    lengths = (math.pi / omega_first, path / speed, math.pi / omega_second, path / speed)
     period = sum(lengths)
     # Time 0 lies in the last flight, gap before the first plane.
     tau = times - gap / speed
@@ -119,8 +119,8 @@ def shuttle(t: ArrayLike, *, speed: float, gap: float, way: float, omega_first: 
         [
             speed / omega_first * np.sin(omega_first * phase),
             -speed * (phase - ends[0]),
-            -way - speed / omega_second * np.sin(omega_second * within),
-            -way + speed * (phase - ends[2]),
+            -path - speed / omega_second * np.sin(omega_second * within),
+            -path + speed * (phase - ends[2]),
         ],
     )
     velocity = np.select(

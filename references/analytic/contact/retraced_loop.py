@@ -21,10 +21,10 @@ QUADRATURE = 256
 """Points of a cycle: the integrands are smooth and periodic, and their trapezoidal sums converge faster than any power."""
 
 
-def passing_shear(way: ArrayLike, *, ahead: float, aside: float) -> FloatArray:
-    """``fs/ks`` [m] of a centre i that has gone ``way`` along the x axis past a centre j at rest.
+def passing_shear(path: ArrayLike, *, ahead: float, aside: float) -> FloatArray:
+    """``fs/ks`` [m] of a centre i that has gone ``path`` along the x axis past a centre j at rest.
 
-    With ``d = (ahead - way, aside)`` and ``t = (-d_y, d_x)/|d|`` it is the integral of ``-t_x``, ``aside/|d|``.
+    With ``d = (ahead - path, aside)`` and ``t = (-d_y, d_x)/|d|`` it is the integral of ``-t_x``, ``aside/|d|``.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ def passing_shear(way: ArrayLike, *, ahead: float, aside: float) -> FloatArray:
     finite(ahead=ahead, aside=aside)
     if aside == 0.0:
         raise ValueError(f"aside = {aside!r} is not allowed: the centres would meet; it must be above or below 0")
-    left = ahead - array("way", way)
+    left = ahead - array("way", path)
     return np.asarray(aside * (math.asinh(ahead / abs(aside)) - np.arcsinh(left / abs(aside))))
 
 
 def passing_drift(*, amplitude: float, frequency: float, ahead: float, aside: float, dt: float) -> float:
-    """What slip of the step's end adds to ``fs/ks`` per cycle of ``way = amplitude sin(frequency t)`` to first order [m].
+    """What slip of the step's end adds to ``fs/ks`` per cycle of ``path = amplitude sin(frequency t)`` to first order [m].
 
-    ``-(dt/2)`` times the integral of ``r' phi'``, with ``r' = -way' (ahead - way)/r`` and ``phi' = aside way'/r^2``.
+    ``-(dt/2)`` times the integral of ``r' phi'``, with ``r' = -path' (ahead - path)/r`` and ``phi' = aside path'/r^2``.
 
     Parameters
     ----------
@@ -80,11 +80,11 @@ def passing_drift(*, amplitude: float, frequency: float, ahead: float, aside: fl
 
 
 def turning_wall_shear(
-    part: ArrayLike, *, radius: float, overlap: float, way: float, angle: float, mid_overlap: bool
+    part: ArrayLike, *, radius: float, overlap: float, path: float, angle: float, mid_overlap: bool
 ) -> FloatArray:
     """``fs/ks`` [m] of a disk at rest on a wall that has gone a part of its way towards it, turning about the disk's centre as it goes.
 
-    The wall's pivot, at first the disk's centre, goes along the wall's first normal by ``y = way s`` and the wall turns by ``angle s``:
+    The wall's pivot, at first the disk's centre, goes along the wall's first normal by ``y = path s`` and the wall turns by ``angle s``:
     its surface passes the disk's foot with ``y' sin(phi) + phi' (R - overlap)``, and the middle of the overlap with half of
     ``phi' (overlap + y cos(phi))`` more.
 
@@ -108,25 +108,25 @@ def turning_wall_shear(
     -----
     Source: derived here.
     """
-    positive(radius=radius, overlap=overlap, way=way, angle=angle)
+    positive(radius=radius, overlap=overlap, path=path, angle=angle)
     flag(mid_overlap=mid_overlap)
     if overlap >= radius:
         raise ValueError(f"overlap = {overlap!r} m is not allowed: it must be below the radius {radius!r} m")
     s = array("part", part)
     if ((s < 0.0) | (s > 1.0)).any():
         raise ValueError(f"part = {part!r:.200} is not allowed: every part of the way must lie in [0, 1]")
-    towards = way * (1.0 - np.cos(angle * s)) / angle
+    towards = path * (1.0 - np.cos(angle * s)) / angle
     surface = towards + (radius - overlap) * angle * s
     # By parts, of angle way s cos(angle s).
-    deeper = 0.5 * (overlap * angle * s + way * s * np.sin(angle * s) - towards)
+    deeper = 0.5 * (overlap * angle * s + path * s * np.sin(angle * s) - towards)
     return np.asarray(surface + deeper if mid_overlap else surface)
 
 
-def turning_wall_drift(*, way: float, angle: float, period: float, dt: float, mid_overlap: bool) -> float:
+def turning_wall_drift(*, path: float, angle: float, period: float, dt: float, mid_overlap: bool) -> float:
     """What slip of the step's end adds to ``fs/ks`` per cycle to first order [m]; s goes to 1 and back at constant rates.
 
-    A sum of ``f(t_n) dt`` is the integral and ``(dt/2)`` times what f grows by: ``way' sin(angle)`` on the way to s = 1 and, as its sign
-    is turned there, as much on the way back; half of ``angle' way cos(angle)`` twice.
+    A sum of ``f(t_n) dt`` is the integral and ``(dt/2)`` times what f grows by: ``path' sin(angle)`` on the way to s = 1 and, as its sign
+    is turned there, as much on the way back; half of ``angle' path cos(angle)`` twice.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def turning_wall_drift(*, way: float, angle: float, period: float, dt: float, mi
     -----
     Source: derived here.
     """
-    positive(way=way, angle=angle, period=period, dt=dt)
+    positive(path=path, angle=angle, period=period, dt=dt)
     flag(mid_overlap=mid_overlap)
-    grown = way * math.sin(angle) + (0.5 * angle * way * math.cos(angle) if mid_overlap else 0.0)
+    grown = path * math.sin(angle) + (0.5 * angle * path * math.cos(angle) if mid_overlap else 0.0)
     return 2.0 * dt / period * grown

@@ -16,12 +16,12 @@ FloatArray = NDArray[np.float64]
 class Driven(NamedTuple):
     """Way [m] and velocity [m/s] of a body, or angle [rad] and spin [rad/s], at the times asked for."""
 
-    way: FloatArray
+    path: FloatArray
     rate: FloatArray
 
 
 def under_segments(t: ArrayLike, *, inertia: float, start: float, segments: Sequence[Sequence[float]]) -> Driven:
-    """``inertia way'' = sum of the forces whose segment holds t``: a force F from b to e adds ``F (min(t, e) - b)`` to the momentum.
+    """``inertia path'' = sum of the forces whose segment holds t``: a force F from b to e adds ``F (min(t, e) - b)`` to the momentum.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def under_segments(t: ArrayLike, *, inertia: float, start: float, segments: Sequ
         raise ValueError(
             f"segments = {segments!r:.200} are not allowed: each must be (begin, end, force) with 0 <= begin < end"
         )
-    way, rate = start * times, np.full_like(times, start)
+    path, rate = start * times, np.full_like(times, start)
     for begin, end, force in rows:
         within, after = np.clip(times - begin, 0.0, end - begin), np.maximum(times - end, 0.0)
         rate = rate + force / inertia * within
-        way = way + force / inertia * (0.5 * within**2 + (end - begin) * after)
-    return Driven(way, rate)
+        path = path + force / inertia * (0.5 * within**2 + (end - begin) * after)
+    return Driven(path, rate)

@@ -86,14 +86,14 @@ def turned_shear(
         speed = float(np.linalg.norm(u2))
         if speed == 0.0:
             return np.asarray(0.5 * float(turned @ n0) * at)
-        way = u2 / speed
-        begin = float(d0 @ way)
-        beside = d0 - begin * way
+        path = u2 / speed
+        begin = float(d0 @ path)
+        beside = d0 - begin * path
         least = float(np.linalg.norm(beside))
         along = begin + at * speed
         far = np.hypot(along, least) - np.hypot(begin, least)
         across = (np.arcsinh(along / least) - np.arcsinh(begin / least)) if least > 0.0 else np.zeros_like(at)
-        return np.asarray(0.5 * (across * float(turned @ beside) + far * float(turned @ way)) / speed)
+        return np.asarray(0.5 * (across * float(turned @ beside) + far * float(turned @ path)) / speed)
 
     edges = np.concatenate([[0.0], times])
     half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])

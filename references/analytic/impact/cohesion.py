@@ -30,7 +30,7 @@ class Cohesive(NamedTuple):
     fn: FloatArray
 
 
-def captures(*, kn: float, cohesion: float, beta: float) -> bool:
+def is_captured(*, kn: float, cohesion: float, beta: float) -> bool:
     """Whether bodies that hit each other never part: ``beta >= sqrt(1 - c/kn)``; arguments as in `cohesive_rebound`."""
     return _oscillator(kn, cohesion, beta, 1.0)[0] >= 1.0
 
@@ -57,7 +57,7 @@ def cohesive_rebound(*, kn: float, cohesion: float, beta: float, m_eff: float, s
     Raises
     ------
     ValueError
-        If an argument is out of range, or the bodies never part: `captures`.
+        If an argument is out of range, or the bodies never part: `is_captured`.
 
     Notes
     -----

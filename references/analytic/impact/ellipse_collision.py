@@ -54,41 +54,41 @@ class MovingEllipse:
         """Position at a time [m]."""
         return np.asarray(self.x, dtype=np.float64) + t * np.asarray(self.v, dtype=np.float64)
 
-    def support(self, way: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
-        """Support function about the centre for outward normals at the angles ``way``, and its derivative [m]."""
-        own = way - self.angle - self.spin * t
+    def support(self, phi: FloatArray, t: float) -> tuple[FloatArray, FloatArray]:
+        """Support function about the centre for outward normals at the angles ``phi``, and its derivative [m]."""
+        own = phi - self.angle - self.spin * t
         height = np.hypot(self.a * np.cos(own), self.b * np.sin(own))
         return height, (self.b**2 - self.a**2) * np.sin(own) * np.cos(own) / height
 
-    def curvature(self, way: float, t: float) -> tuple[float, float]:
-        """Curvature [1/m] where the outward normal is at the angle ``way``, and its slope along the outline, counter-clockwise [1/m^2]."""
-        height, slope = (float(value) for value in self.support(np.array(way), t))
+    def curvature(self, phi: float, t: float) -> tuple[float, float]:
+        """Curvature [1/m] where the outward normal is at the angle ``phi``, and its slope along the outline, counter-clockwise [1/m^2]."""
+        height, slope = (float(value) for value in self.support(np.array(phi), t))
         radius = (self.a * self.b) ** 2 / height**3
         return 1.0 / radius, 3.0 * slope / height / radius**2
 
 
-def _separation(one: MovingEllipse, two: MovingEllipse, t: float, way: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Gap between the two tangents with normals at the angles ``way`` [m], and its derivative; the distance is the largest."""
+def _separation(one: MovingEllipse, two: MovingEllipse, t: float, phi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gap between the two tangents with normals at the angles ``phi`` [m], and its derivative; the distance is the largest."""
     apart = two.centre(t) - one.centre(t)
-    h1, s1 = one.support(way, t)
-    h2, s2 = two.support(way + math.pi, t)
-    along = np.cos(way) * apart[0] + np.sin(way) * apart[1]
-    return along - h1 - h2, np.cos(way) * apart[1] - np.sin(way) * apart[0] - s1 - s2
+    h1, s1 = one.support(phi, t)
+    h2, s2 = two.support(phi + math.pi, t)
+    along = np.cos(phi) * apart[0] + np.sin(phi) * apart[1]
+    return along - h1 - h2, np.cos(phi) * apart[1] - np.sin(phi) * apart[0] - s1 - s2
 
 
 def _coarse(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[FloatArray, FloatArray]:
     """Some angles about the line of centres, and the separations there."""
     apart = two.centre(t) - one.centre(t)
-    ways = math.atan2(apart[1], apart[0]) + np.linspace(-0.5, 0.5, DIRECTIONS) * math.pi
-    return ways, _separation(one, two, t, ways)[0]
+    angles = math.atan2(apart[1], apart[0]) + np.linspace(-0.5, 0.5, DIRECTIONS) * math.pi
+    return angles, _separation(one, two, t, angles)[0]
 
 
-def gap_and_way(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[float, float]:
+def gap_and_direction(one: MovingEllipse, two: MovingEllipse, t: float) -> tuple[float, float]:
     """Distance of two ellipses that are apart [m], and the direction of their common normal [rad]: that of the largest separation."""
     finite(t=t)
-    ways, separations = _coarse(one, two, t)
+    angles, separations = _coarse(one, two, t)
     k = int(np.argmax(separations))
-    low, high = float(ways[max(k - 1, 0)]), float(ways[min(k + 1, DIRECTIONS - 1)])
+    low, high = float(angles[max(k - 1, 0)]), float(angles[min(k + 1, DIRECTIONS - 1)])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _separation(one, two, t, np.array(middle))[1] > 0.0 else (low, middle)
@@ -108,15 +108,15 @@ def touching_time(one: MovingEllipse, two: MovingEllipse, until: float) -> float
 
     def meet(t: float) -> bool:
         # One tangent between the two tells that they are apart; the largest separation is needed about the first touch alone.
-        return bool(_coarse(one, two, t)[1].max() <= 0.0) and gap_and_way(one, two, t)[0] < 0.0
+        return bool(_coarse(one, two, t)[1].max() <= 0.0) and gap_and_direction(one, two, t)[0] < 0.0
 
     k = next((k for k in range(1, 1001) if meet(float(times[k]))), 0)
-    if k == 0 or gap_and_way(one, two, 0.0)[0] <= 0.0:
+    if k == 0 or gap_and_direction(one, two, 0.0)[0] <= 0.0:
         raise ValueError(f"until = {until!r} s is not allowed: the ellipses must be apart at time 0 and touch before")
     low, high = float(times[k - 1]), float(times[k])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if gap_and_way(one, two, middle)[0] > 0.0 else (low, middle)
+        low, high = (middle, high) if gap_and_direction(one, two, middle)[0] > 0.0 else (low, middle)
     return low
 
 
@@ -141,9 +141,9 @@ def chord_work(one: MovingEllipse, two: MovingEllipse, *, kn: float, until: floa
     """
     positive(kn=kn)
     t = touching_time(one, two, until)
-    _, way = gap_and_way(one, two, t)
-    n, along = np.array([math.cos(way), math.sin(way)]), np.array([-math.sin(way), math.cos(way)])
-    height, slope = one.support(np.array(way), t)
+    _, phi = gap_and_direction(one, two, t)
+    n, along = np.array([math.cos(phi), math.sin(phi)]), np.array([-math.sin(phi), math.cos(phi)])
+    height, slope = one.support(np.array(phi), t)
     arm1 = float(height) * n + float(slope) * along
     arm2 = one.centre(t) + arm1 - two.centre(t)
     b1, b2 = float(arm1 @ along), float(arm2 @ along)
@@ -154,9 +154,9 @@ def chord_work(one: MovingEllipse, two: MovingEllipse, *, kn: float, until: floa
     half = approach / inverse
     spin1, spin2 = one.spin + half * b1 / one.inertia, two.spin - half * b2 / two.inertia
     tangential = float(apart @ along) + spin1 * float(arm1 @ n) - spin2 * float(arm2 @ n)
-    k1, k1_slope = one.curvature(way, t)
+    k1, k1_slope = one.curvature(phi, t)
     # The second outline runs the other way along the tangent.
-    k2, against = two.curvature(way + math.pi, t)
+    k2, against = two.curvature(phi + math.pi, t)
     k2_slope = -against
     total, total_slope = k1 + k2, k1_slope + k2_slope
     middle = -total_slope / (3.0 * total**2)

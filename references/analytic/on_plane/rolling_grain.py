@@ -184,9 +184,9 @@ def energy_gained(shape: RollingShape, phi: FloatArray, *, start: float, angle: 
     positive(g=g)
     finite(start=start)
     half = 0.5 * (array("phi", phi) - start)
-    way = half * (shape.height(start + half[..., None] * (1.0 + NODES)) @ WEIGHTS)
+    path = half * (shape.height(start + half[..., None] * (1.0 + NODES)) @ WEIGHTS)
     lift = shape.height(np.asarray(phi)) - shape.height(np.array([start]))[0]
-    return np.asarray(g * (math.sin(angle) * way - math.cos(angle) * lift))
+    return np.asarray(g * (math.sin(angle) * path - math.cos(angle) * lift))
 
 
 def kinetic_of(shape: RollingShape, phi: FloatArray, spin: FloatArray) -> FloatArray:

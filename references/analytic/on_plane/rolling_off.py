@@ -52,7 +52,7 @@ def saddle(*, radius: float, held_radius: float) -> Saddle:
     )
 
 
-def fallen_time(*, reached: ArrayLike, start: float) -> FloatArray:
+def fall_time(*, reached: ArrayLike, start: float) -> FloatArray:
     """Time, times the growth rate L, in which ``theta'' = L^2 sin(theta)`` takes a body at rest from one angle to others.
 
     With ``k = cos(start/2)`` it is ``K(k) - F(arcsin(cos(theta/2)/k), k)``, elliptic integrals: a pendulum seen from its top.
@@ -81,7 +81,7 @@ def fallen_time(*, reached: ArrayLike, start: float) -> FloatArray:
 def falling(*, t: ArrayLike, rate: float, start: float) -> FloatArray:
     """Angle from the top [rad] of a body that ``theta'' = rate^2 sin(theta)`` takes from rest, at times.
 
-    ``cos(theta/2) = k cn(L t)/dn(L t)``, the inverse of `fallen_time`.
+    ``cos(theta/2) = k cn(L t)/dn(L t)``, the inverse of `fall_time`.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def falling(*, t: ArrayLike, rate: float, start: float) -> FloatArray:
     return np.asarray(2.0 * np.arccos(np.clip(k * cn / dn, -1.0, 1.0)))
 
 
-class Left(NamedTuple):
+class Departure(NamedTuple):
     """Where a body that rolls off a round one slips and leaves.
 
     Attributes
@@ -123,7 +123,7 @@ class Left(NamedTuple):
     lasts: float
 
 
-def rolled_off(*, mu: float, inertia_ratio: float, arm: float, g: float, start: float = 0.0) -> Left:
+def rolled_off(*, mu: float, inertia_ratio: float, arm: float, g: float, start: float = 0.0) -> Departure:
     """A body that rolls from rest over a round one slides where friction no longer suffices, and leaves.
 
     The centre moves on a circle of radius p. Let k be the inertia ratio ``I/(m r^2)``, r the arm of friction, and theta_0 the start. While
@@ -183,7 +183,7 @@ def rolled_off(*, mu: float, inertia_ratio: float, arm: float, g: float, start: 
     speeds = np.array([squared(float(angle)) for angle in angles])
     gained = mu / k * half * float(weights @ ((np.cos(angles) - speeds) / np.sqrt(speeds)))
     root, rolling, end = math.sqrt(g / arm), math.sqrt(squared(slips)), math.sqrt(squared(leaves))
-    return Left(
+    return Departure(
         slips, leaves, root * end, (rolling + gained) / end, half * float(weights @ (1.0 / np.sqrt(speeds))) / root
     )
 

@@ -24,10 +24,10 @@ class Rolled(NamedTuple):
 
 
 class Stopped(NamedTuple):
-    """``time`` [s] after which a disk stands, and its ``way`` [m] until then."""
+    """``time`` [s] after which a disk stands, and its ``path`` [m] until then."""
 
     time: float
-    way: float
+    path: float
 
 
 class Oscillation(NamedTuple):
@@ -261,9 +261,9 @@ def against_spring(
         raise ValueError(f"beta = {beta!r} is not allowed: this closed form is that of beta < 1")
     x, vx, ax = (np.empty_like(times) for _ in range(3))
 
-    def fill(begin: float, end: float, way: float, held: Rolled) -> None:
+    def fill(begin: float, end: float, path: float, held: Rolled) -> None:
         now = (times >= begin) & (times < end)
-        for column, values, offset in zip((x, vx, ax), held, (way, 0.0, 0.0), strict=True):
+        for column, values, offset in zip((x, vx, ax), held, (path, 0.0, 0.0), strict=True):
             column[now] = (offset + values)[now]
 
     def elastic(since: FloatArray, turned: float, spin: float) -> Rolled:
@@ -279,7 +279,7 @@ def against_spring(
     if math.isinf(yields):
         return Rolled(x, vx, ax)
     at = np.array(yields)
-    way, fast, _ = (float(value) for value in elastic(at, 0.0, speed / radius))
+    path, fast, _ = (float(value) for value in elastic(at, 0.0, speed / radius))
     plastic: dict[str, float] = {
         "mu_r": mu_r,
         "angle": angle,
@@ -289,9 +289,9 @@ def against_spring(
     }
     stands = yields + _end(**plastic)
     rolled = against_constant_torque(np.maximum(times - yields, 0.0), **plastic)
-    fill(yields, stands, way, rolled)
+    fill(yields, stands, path, rolled)
     if not math.isinf(stands):
-        fill(stands, math.inf, way + stop(**plastic).way, elastic(times - stands, swing.limit, 0.0))
+        fill(stands, math.inf, path + stop(**plastic).path, elastic(times - stands, swing.limit, 0.0))
     return Rolled(x, vx, ax)
 
 

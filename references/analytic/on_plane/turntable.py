@@ -16,7 +16,7 @@ UNIFORM_SPHERE = 0.4
 """Inertia ratio ``I/(m R^2)``."""
 
 
-class Round(NamedTuple):
+class CircularMotion(NamedTuple):
     """Place [m] and velocity [m/s] in the plane, each of shape (s, 2), and the angular speed [rad/s] on the circle."""
 
     x: FloatArray
@@ -24,7 +24,7 @@ class Round(NamedTuple):
     rate: float
 
 
-def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> Round:
+def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> CircularMotion:
     """The centre goes round on a circle at 2/7 of the plane's angular speed.
 
     With k the inertia ratio of a uniform sphere, friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the
@@ -51,4 +51,4 @@ def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> R
     x, u = pair_of("start", start), pair_of("v", v)
     c, s = np.cos(rate * times)[:, None], np.sin(rate * times)[:, None]
     across = np.array([-u[1], u[0]])
-    return Round(x + (s * u + (1.0 - c) * across) / rate, c * u + s * across, rate)
+    return CircularMotion(x + (s * u + (1.0 - c) * across) / rate, c * u + s * across, rate)

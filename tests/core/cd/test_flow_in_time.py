@@ -96,7 +96,7 @@ def test_pairs_that_enter_before_they_are_missed_change_no_motion(drum: Scene, m
             assert far < 1e-6, "2e-9: collisions amplify the tolerance"
 
 
-def test_steps_that_miss_the_tolerance_stop_the_run_or_are_told(drum: Scene) -> None:
+def test_steps_that_miss_the_tolerance_stop_the_run_or_are_reported(drum: Scene) -> None:
     with pytest.raises(SolverNotConvergedError, match=r"cd\.accept"):
         session(drum, max_iterations=40).run()
     run = session(drum, max_iterations=40, accept=0.9)

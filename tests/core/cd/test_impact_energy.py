@@ -80,7 +80,7 @@ def test_smooth_impacts_never_raise_the_energy(singly: bool, part: Callable[[int
 
 @pytest.mark.parametrize("singly", [False, True])
 def test_what_impacts_with_friction_feed_is_said_with_step_contact_and_energy(singly: bool) -> None:
-    told = 0
+    reported = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
         law = ContactLaw(kn=1e6, mu=rng.uniform(0.2, 1.0), restitution=1.0, regularised=True)
@@ -98,12 +98,12 @@ def test_what_impacts_with_friction_feed_is_said_with_step_contact_and_energy(si
         if gain[-1] == 0.0:
             assert session.remarks == []
             continue
-        told += 1
+        reported += 1
         step, largest = int(np.argmax(fed)) + 1, fed.max()
         (remark,) = session.remarks
         assert f"fed {gain[-1]:.3g} J in {np.count_nonzero(np.diff(gain))} of 80 steps" in remark
         assert f"at step {step}: {largest:.3g} J, there most at the contact of disk" in remark
-    assert told >= 2
+    assert reported >= 2
 
 
 @pytest.mark.parametrize("singly", [False, True])

@@ -249,13 +249,17 @@ def test_solver_options_have_the_ranges_of_a_run_s_options_and_their_words(name:
 
 def test_options_act_as_numbers_of_any_kind() -> None:
     options = {"cd.max_iterations": 1e3, "cd.threads": np.int64(2), "cd.tolerance": np.float32(0.5)}
-    told = CdSession(gas(2, 3.0, RIGID), Numerics(dt=0.1, n_steps=1, options=options)).settings
-    assert (told.solver_options.max_iterations, told.solver_options.threads, told.solver_options.tolerance) == (
+    reported = CdSession(gas(2, 3.0, RIGID), Numerics(dt=0.1, n_steps=1, options=options)).settings
+    assert (
+        reported.solver_options.max_iterations,
+        reported.solver_options.threads,
+        reported.solver_options.tolerance,
+    ) == (
         1000,
         2,
         0.5,
     )
-    assert told.options["cd.contacts"] == "auto"
+    assert reported.options["cd.contacts"] == "auto"
 
 
 def test_a_file_that_cannot_be_written_does_not_hide_the_failure(tmp_path: Path) -> None:

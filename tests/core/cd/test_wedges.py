@@ -33,7 +33,7 @@ def corner(alpha: float, mu: float, e: float, *, rotating: bool) -> Scene:
 @pytest.mark.parametrize("rotating", [False, True])
 @pytest.mark.parametrize("degrees", [40.0, 90.0, 120.0])
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
-def test_steps_without_a_solution_are_those_in_corners_that_are_told_before(
+def test_steps_without_a_solution_are_those_in_corners_that_are_predicted(
     sliding: Any, degrees: float, rotating: bool
 ) -> None:
     alpha = math.radians(degrees)
@@ -56,7 +56,7 @@ def test_steps_without_a_solution_are_those_in_corners_that_are_told_before(
 
 @pytest.mark.parametrize("sliding", ["associated", "coulomb"])
 @pytest.mark.parametrize(("impact", "e"), [("theta", 0.5), ("newton", 0.0)])
-def test_the_ways_out_have_a_solution(impact: Any, e: float, sliding: Any) -> None:
+def test_the_remedies_have_a_solution(impact: Any, e: float, sliding: Any) -> None:
     scene = corner(0.5 * math.pi, 1.5, e, rotating=True)
     numerics = Numerics(dt=0.01, n_steps=20, theta=2.0 / 3.0, impact=impact, sliding=sliding, options=OPTIONS)
     assert wedging_corners(scene, numerics) == []

@@ -247,7 +247,7 @@ def test_contacts_are_counted_and_preloaded_through_the_edges() -> None:
         (Cell(size=(6.0, 2.0), rate=((0.0, 0.0), (0.0, -100.0))), InvalidNumericsError, "after 0.0075 s.*n_steps up to 7"),
     ],
 )  # fmt: skip
-def test_a_cell_without_room_is_refused(cell: Cell, error: type[Exception], words: str) -> None:
+def test_a_cell_without_space_is_refused(cell: Cell, error: type[Exception], words: str) -> None:
     scene = Scene(disks=Disks(x=[[1.0, 1.0]], radius=0.5, mass=1.0), disk_disk=LAW, cell=cell)
     with pytest.raises(error, match=words):
         DemSession(scene, how(20))

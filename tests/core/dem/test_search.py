@@ -135,7 +135,7 @@ def test_wall_lists_equal_brute_force(n: int, m: int, seed: int, skin: float) ->
         assert found.other[found.start[w] : found.start[w + 1]].tolist() == np.flatnonzero(gap < skin).tolist()
 
 
-def with_room(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> History:
+def with_capacity(scene: Scene, steps: int, monkeypatch: pytest.MonkeyPatch) -> History:
     """The same run with lists that never have to grow."""
     n = len(scene.disks)
     monkeypatch.setattr(arrays_module, "empty_list", lambda rows, _, bends=False: empty_list(rows, n * n, bends))
@@ -149,7 +149,7 @@ def test_full_disk_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     found = session.run()
     assert session._lists.pairs.start[-1] > 1.5 * room
     assert session._lists.pairs.other.shape[0] == session._lists.spare.other.shape[0] > 1.5 * room
-    expected = with_room(scene, 40, monkeypatch)
+    expected = with_capacity(scene, 40, monkeypatch)
     for name in ("x", "v", "omega", "angle"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     twin = Oracle(scene, numerics(5e-4, 40)).run()
@@ -166,7 +166,7 @@ def test_full_wall_list_grows_in_the_middle_of_a_run(monkeypatch: pytest.MonkeyP
     found = session.run()
     assert session._lists.wall_pairs.start[-1] > 1.5 * room
     assert np.ptp(session._lists.wall_pairs.start[:-1]) > room
-    expected = with_room(scene, 24, monkeypatch)
+    expected = with_capacity(scene, 24, monkeypatch)
     np.testing.assert_array_equal(found.x, expected.x)
     np.testing.assert_array_equal(found.wall_force, expected.wall_force)
     assert np.abs(found.wall_force[-1]).max() > 0.0

@@ -181,11 +181,11 @@ def packed(n: int, beta: float = 0.1) -> Scene:
 
 @pytest.mark.parametrize("form", ["central", "lagged"])
 @pytest.mark.parametrize("n", [12, 2500])
-@pytest.mark.parametrize("way", COPIES)
-def test_a_copy_of_a_dem_run_goes_on_to_the_same_bits(way: str, n: int, form: str) -> None:
+@pytest.mark.parametrize("method", COPIES)
+def test_a_copy_of_a_dem_run_goes_on_to_the_same_bits(method: str, n: int, form: str) -> None:
     session = DemSession(packed(n), numerics(DT, STEPS, sample_every=10, damping_form=form))
     session.advance(STEPS // 2)
-    other = COPIES[way](session)
+    other = COPIES[method](session)
     before = other.snapshot()[1]["x"]
     mine, its = session.run(), other.run()
     assert bits(mine) == bits(its)
@@ -217,11 +217,11 @@ class StopError(Exception):
 
 
 def stop_at(step: int) -> Callable[[int, int], None]:
-    def told(done: int, _: int) -> None:
+    def reported(done: int, _: int) -> None:
         if done >= step:
             raise StopError
 
-    return told
+    return reported
 
 
 def cd_run(**changes: Any) -> CdSession:
@@ -237,11 +237,11 @@ def test_contact_dynamics_goes_on_after_an_exception_in_the_callback(
     expected = bits(whole.run())
     assert bits(whole.run()) == expected  # again: the same, not a run from its end
     monkeypatch.setattr(cd_session, "PROGRESS_EVERY", 0.0)
-    for way in COPIES.values():
+    for method in COPIES.values():
         session = cd_run(**changes)
         with pytest.raises(StopError):
             session.run(stop_at(15))
-        other = way(session)
+        other = method(session)
         assert bits(session.run()) == expected
         assert bits(other.run()) == expected
 

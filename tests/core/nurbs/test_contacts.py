@@ -15,7 +15,7 @@ from ninedisk.core.nurbs.intersect_kernels import contacts_of_pairs
 from ninedisk.core.nurbs.mass import centred, uniform_grain
 from ninedisk.core.nurbs.shapes import QUARTERS, SQUARE, disk, ellipse, polygon, regular_polygon
 from ninedisk.core.nurbs.state import CROSSED, UNDECIDED, ContactRows, contact_rows, workspace
-from ninedisk.core.nurbs.table import tables_together
+from ninedisk.core.nurbs.table import joined_tables
 from ninedisk.core.validate import IntArray
 
 N = 1_000 if numba.config.DISABLE_JIT else 30_000
@@ -428,7 +428,7 @@ def contacts(
     curves: list[NurbsCurve], shape: IntArray, x: np.ndarray, angle: np.ndarray
 ) -> tuple[IntArray, ContactRows]:
     """Counts and contacts of bodies 2 k and 2 k + 1, codes and all."""
-    table = tables_together([curve.table for curve in curves])
+    table = joined_tables([curve.table for curve in curves])
     pairs = np.arange(len(shape)).reshape(-1, 2)
     count, out = np.zeros(len(pairs), dtype=np.int64), contact_rows(4 * len(pairs))
     turn = np.column_stack([np.cos(angle), np.sin(angle)])

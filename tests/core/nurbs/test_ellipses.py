@@ -46,11 +46,11 @@ class Oracle:
     def contact(self, near: float) -> tuple[object, object, object]:
         """Point, normal and overlap; ``near`` is an angle on ellipse 0 inside the other."""
         ends = []
-        for way in (-1, 1):
+        for phi in (-1, 1):
             inside, step = mp.mpf(near), mp.mpf(1) / 10**8
-            while self.outside(1, self.point(0, near + way * step)) < 0:
-                inside, step = near + way * step, 2 * step
-            outside = near + way * step
+            while self.outside(1, self.point(0, near + phi * step)) < 0:
+                inside, step = near + phi * step, 2 * step
+            outside = near + phi * step
             for _ in range(130):
                 middle = (inside + outside) / 2
                 if self.outside(1, self.point(0, middle)) < 0:
@@ -66,9 +66,9 @@ class Oracle:
         return ((ax + bx) / 2, (ay + by) / 2), n, overlap
 
 
-def touching(shapes: tuple[int, int], turn: np.ndarray, way: float, depth: float) -> tuple[np.ndarray, float]:
-    """Positions where the extreme points in direction ``way`` overlap by ``depth``, and the angle of that point on ellipse 0."""
-    n = np.array([np.cos(way), np.sin(way)])
+def touching(shapes: tuple[int, int], turn: np.ndarray, phi: float, depth: float) -> tuple[np.ndarray, float]:
+    """Positions where the extreme points in direction ``phi`` overlap by ``depth``, and the angle of that point on ellipse 0."""
+    n = np.array([np.cos(phi), np.sin(phi)])
     places = []
     for k in (0, 1):
         a, b = AXES[shapes[k]]
@@ -115,12 +115,12 @@ CACHE: dict[tuple[int, ...], NurbsGrains] = {}
 def test_chord_normal_differs_from_the_common_normal_in_proportion_to_the_overlap() -> None:
     """The law's own property on ellipses: at contact of curvatures that change along the curve the chord tilts by O(overlap)."""
     grains = NurbsGrains([ellipse(1.0, 0.5), ellipse(2.0, 0.5)], [0, 1])
-    turn, way = np.array([0.4, 1.3]), 0.2
+    turn, phi = np.array([0.4, 1.3]), 0.2
     tilt = []
     for depth in (1e-3, 1e-4, 1e-5):
-        x, _ = touching((0, 3), turn, way, depth)
+        x, _ = touching((0, 3), turn, phi, depth)
         _, rows = grains.pair_contacts(x, turn, [(0, 1)])
-        tilt.append(abs(float(rows.normal[0] @ [-np.sin(way), np.cos(way)])))
+        tilt.append(abs(float(rows.normal[0] @ [-np.sin(phi), np.cos(phi)])))
     orders = np.log10(np.array(tilt[:-1]) / np.array(tilt[1:]))
     assert np.all(np.abs(orders - 1.0) < 0.05)
 

@@ -14,14 +14,14 @@ from ninedisk.core.nurbs.features import NurbsFeatures
 from ninedisk.core.nurbs.features_kernels import DEEPEST
 from ninedisk.core.nurbs.shapes import disk, ellipse
 from ninedisk.core.nurbs.state import FeatureRows
-from ninedisk.core.nurbs.table import tables_together
+from ninedisk.core.nurbs.table import joined_tables
 
 FloatArray = NDArray[np.float64]
 
 SQUARE = periodic(np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]), 1)
 TRIANGLE = periodic(np.array([[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]]), 1)
 SHAPES = (disk(1.0), ellipse(1.0, 0.6), peanut(), periodic(ring(20, 3), 3), SQUARE, TRIANGLE)
-TABLE = tables_together([curve.table for curve in SHAPES])
+TABLE = joined_tables([curve.table for curve in SHAPES])
 PAIR = np.array([[0, 1]])
 DISK, ELLIPSE, PEANUT, WAVY, BLOCK, WEDGE = range(6)
 REACH = 0.3

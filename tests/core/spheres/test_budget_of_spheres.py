@@ -58,10 +58,10 @@ def test_the_balance_closes_at_the_order_of_the_scheme(law: dict[str, Any], form
     assert off[-1] < 1e-3
     assert np.log2(off[0] / off[-1]) / 3.0 > order - 0.25, off
     for name in ("friction_loss", "dashpot_loss", "rolling_loss"):
-        told = [each.energy[name] for each in histories]
-        assert np.diff(told[-1]).min() >= -1e-12
+        reported = [each.energy[name] for each in histories]
+        assert np.diff(reported[-1]).min() >= -1e-12
         if (name == "rolling_loss") == ("rolling" in law) and law.get("mu", 1.0) > 0.0:
-            assert told[-1][-1] > 0.1 * histories[-1].energy["kinetic"][0]
+            assert reported[-1][-1] > 0.1 * histories[-1].energy["kinetic"][0]
 
 
 def test_asking_costs_no_bit_and_motions_that_are_held_are_refused() -> None:

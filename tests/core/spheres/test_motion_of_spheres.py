@@ -114,9 +114,9 @@ def test_springs_of_the_surface_keep_the_energy_to_second_order() -> None:
 @pytest.mark.parametrize("law", [{**SPRING, **TWIST}, CONSTANT], ids=["springs", "constant"])
 def test_pieces_and_a_checkpoint_leave_every_bit(law: dict[str, Any], tmp_path: Path) -> None:
     numerics = Numerics(dt=2e-5, n_steps=300, contact_dt=1e-5, sample_every=7)
-    watch, told = [(0, 1), (3, 12)], []
-    whole = SphereSession(box(**law), numerics, watch, (4, 0)).run(lambda done, of: told.append((done, of)))
-    assert told[-1] == (300, 300)
+    watch, reported = [(0, 1), (3, 12)], []
+    whole = SphereSession(box(**law), numerics, watch, (4, 0)).run(lambda done, of: reported.append((done, of)))
+    assert reported[-1] == (300, 300)
     first = SphereSession(box(**law), numerics.replace(n_steps=101), watch, (4, 0), threads=3)
     first.advance(40)
     first.advance(61)
@@ -165,7 +165,7 @@ def test_the_search_finds_the_pairs_of_all_against_all(
     assert set(found) == expected
 
 
-def test_a_run_in_order_of_places_is_told_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_in_order_of_places_is_reported_in_the_scenes_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lists are made anew every few steps: what contacts remember goes along, whichever of two spheres comes first then."""
     scene = box(**SPRING, **TWIST)
     monkeypatch.setattr(session, "FIRST_SKIN", 0.01)

@@ -182,12 +182,12 @@ def _ratchet(rule: Any, dt: float) -> float:
     return float(np.linalg.norm(history.fs[-1, 0]) / history.fn.max())
 
 
-def facing(room: float) -> SphereScene:
+def facing(gap: float) -> SphereScene:
     """A floor and a roof that face each other, and no sphere."""
     law = SphereLaw(kn=1.0)
     walls = tuple(
         PlaneWall(name=name, point=(0, 0, z), normal=(0, 0, up), law=law)
-        for name, z, up in (("floor", 0.0, 1.0), ("roof", room, -1.0))
+        for name, z, up in (("floor", 0.0, 1.0), ("roof", gap, -1.0))
     )
     return SphereScene(spheres=Spheres(x=np.zeros((0, 3)), radius=1.0, mass=1.0), sphere_sphere=law, walls=walls)
 
@@ -206,7 +206,7 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: SphereLaw(kn=1.0, g_star=1.0), "g_star = 1 is not allowed in the linear law"),
         (lambda: SphereLaw(e_star=1.0, ks=1.0), "ks = 1 is not allowed in the Hertz-Mindlin law"),
         (lambda: box(SphereLaw(kn=1.0, rolling=Rolling(model="viscous", mu=0.1))), "rolling model 'viscous' is not allowed in 3D"),
-        (lambda: facing(room=-0.1), "walls 'floor' and 'roof' overlap"),
+        (lambda: facing(gap=-0.1), "walls 'floor' and 'roof' overlap"),
         (lambda: box(SphereLaw(kn=1.0, adhesion=0.1)), "adhesion = 0.1 is not allowed in 3D, which does not have it"),
         (lambda: Elastic(E=1.0, nu=0.6), r"nu = 0.6 is not allowed: it must be a number in \[0, 0.5\]"),
         (lambda: Spheres(x=[[0, 0]], radius=1.0, mass=1.0), r"spheres.x has shape \(1, 2\); it must have shape \(n, 3\)"),
@@ -219,7 +219,7 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: simulate(box(LINEAR), Numerics(dt=1e-5, n_steps=1), method="cd"), "method = 'cd' is not allowed for spheres"),
     ],
 )  # fmt: skip
-def test_bad_input_names_the_value_and_the_way_out(make: Any, words: str) -> None:
+def test_bad_input_names_the_value_and_the_remedy(make: Any, words: str) -> None:
     with pytest.raises(CoreError, match=words):
         make()
 
@@ -233,7 +233,7 @@ def test_too_long_a_step_and_a_sphere_behind_a_wall_are_named() -> None:
         simulate(fast, Numerics(dt=1e-4, n_steps=100, contact_dt=1e-4, allow_unstable=True))
 
 
-def test_a_centre_behind_a_plane_is_told_where_it_is_at_that_time() -> None:
+def test_a_centre_behind_a_plane_is_reported_where_it_is_at_that_time() -> None:
     """Free fall through a plane that hardly pushes, in leapfrog ``z0 - g t^2/2`` exactly; one step at 1.3 m/s is 1.3 mm."""
     law = SphereLaw(kn=1e-6)
     floor = PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=law)

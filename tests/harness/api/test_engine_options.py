@@ -48,7 +48,7 @@ def test_the_default_said_aloud_is_the_same_variant() -> None:
         ({"lammps.skin": "1"}, "no option 'skin'.* Its options: none"),
     ],
 )
-def test_options_that_nobody_has_are_refused_with_the_way_out(options: dict[str, str], words: str) -> None:
+def test_options_that_nobody_has_are_refused_with_the_remedy(options: dict[str, str], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         plan_matrix(["slip-to-roll"], ["pymunk", "lammps"], {}, options)
 

@@ -47,6 +47,6 @@ def test_engines(engine_id: str) -> None:
             assert asked not in engine.info().capabilities
 
 
-def test_contact_dynamics_names_the_way_out() -> None:
+def test_contact_dynamics_names_the_remedy() -> None:
     with pytest.raises(InvalidSceneError, match=r"contact = 'area'.*'chord'"):
         simulate(ROUND.replace(disk_disk=ContactLaw(kn=1e3, contact="area")), HOW, method="cd")

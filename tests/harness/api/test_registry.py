@@ -63,7 +63,7 @@ def test_an_entry_under_a_wrong_name(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+def third_party(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
     """Installs a package with the given name and text of entry points, ahead of every other."""
 
     def install(name: str, entry_points: str) -> None:
@@ -78,39 +78,39 @@ def stranger(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, 
     return install
 
 
-def test_an_id_of_our_own_cannot_be_taken(stranger: Callable[[str, str], None]) -> None:
-    stranger("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
+def test_an_id_of_our_own_cannot_be_taken(third_party: Callable[[str, str], None]) -> None:
+    third_party("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
     assert get_engine("dem").info().name == "ninedisk DEM"
     assert registry.engine_table()["thief"].origin == "thief"
-    (problem,) = registry.problems()
+    (problem,) = registry.entry_problems()
     assert problem.startswith("thief registers 'dem' under ninedisk.engines, an id of ninedisk's own")
 
 
-def test_two_packages_with_one_id_get_neither(stranger: Callable[[str, str], None]) -> None:
-    stranger("rival", "[ninedisk.cases]\nfake/fall = rival:CASE\n")
+def test_two_packages_with_one_id_get_neither(third_party: Callable[[str, str], None]) -> None:
+    third_party("rival", "[ninedisk.cases]\nfake/fall = rival:CASE\n")
     with pytest.raises(
         BrokenEntryError, match=r"two packages register 'fake/fall'.*rival:CASE of rival.*of ninedisk-fakes"
     ):
         get_case("fake/fall")
     assert get_case("fake/spin").id == "fake/spin"
-    assert any("two packages register 'fake/fall'" in problem for problem in registry.problems())
+    assert any("two packages register 'fake/fall'" in problem for problem in registry.entry_problems())
 
 
-def test_one_package_found_twice_counts_once(stranger: Callable[[str, str], None]) -> None:
-    stranger("ninedisk-fakes", "[ninedisk.cases]\nfake/fall = newer:CASE\n")
+def test_one_package_found_twice_counts_once(third_party: Callable[[str, str], None]) -> None:
+    third_party("ninedisk-fakes", "[ninedisk.cases]\nfake/fall = newer:CASE\n")
     assert registry.case_table()["fake/fall"].where == "newer:CASE"
-    assert registry.problems() == ()
+    assert registry.entry_problems() == ()
 
 
-def test_unreadable_metadata_hide_nobody(stranger: Callable[[str, str], None]) -> None:
-    stranger("damaged", "[ninedisk.engines]\nno sign of a value\n")
+def test_unreadable_metadata_hide_nobody(third_party: Callable[[str, str], None]) -> None:
+    third_party("damaged", "[ninedisk.engines]\nno sign of a value\n")
     assert get_engine("fake-good").id == "fake-good"
-    (problem,) = registry.problems()
+    (problem,) = registry.entry_problems()
     assert problem.startswith("the entry points of damaged cannot be read")
 
 
-def test_a_broken_case_leaves_the_others_alone(stranger: Callable[[str, str], None]) -> None:
-    stranger("broken", "[ninedisk.cases]\nbroken/case = nowhere.at_all:CASE\n")
+def test_a_broken_case_leaves_the_others_alone(third_party: Callable[[str, str], None]) -> None:
+    third_party("broken", "[ninedisk.cases]\nbroken/case = nowhere.at_all:CASE\n")
     results = run_matrix(["broken/case", "fake/spin"], ["fake-good"])
     assert [result.status for result in results] == ["error", "pass"]
     assert "'broken/case' of broken cannot be loaded from nowhere.at_all:CASE: ModuleNotFoundError" in results[0].reason
@@ -128,12 +128,12 @@ def test_a_broken_case_leaves_the_others_alone(stranger: Callable[[str, str], No
 def test_a_package_that_exits_is_named_and_leaves_the_others_alone(
     kind: str,
     text: str,
-    stranger: Callable[[str, str], None],
+    third_party: Callable[[str, str], None],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    stranger("leaver", f"[ninedisk.{kind}s]\nleaver = leaver_{kind}:ENGINE\n")
+    third_party("leaver", f"[ninedisk.{kind}s]\nleaver = leaver_{kind}:ENGINE\n")
     (tmp_path / "leaver" / f"leaver_{kind}.py").write_text(text)
     monkeypatch.delitem(sys.modules, f"leaver_{kind}", raising=False)
     (tmp_path / "leaver" / "findings.py").write_text(text)
@@ -149,7 +149,7 @@ def test_a_package_that_exits_is_named_and_leaves_the_others_alone(
     assert "leaver" in run.output
 
 
-def test_an_engine_that_cannot_tell_its_facts_is_named() -> None:
+def test_an_engine_that_cannot_report_its_facts_is_named() -> None:
     for arguments in (
         ["list", "engines", "fake-shy"],
         ["check-engine", "fake-shy"],
@@ -164,12 +164,12 @@ def test_an_engine_that_cannot_tell_its_facts_is_named() -> None:
         assert "internal error" not in done.output
 
 
-def test_lists_tell_where_things_come_from(
-    stranger: Callable[[str, str], None], capsys: pytest.CaptureFixture[str]
+def test_lists_report_where_things_come_from(
+    third_party: Callable[[str, str], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     from ninedisk.harness.cli.list import show_case, show_cases, show_engine, show_engines
 
-    stranger("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
+    third_party("thief", "[ninedisk.engines]\ndem = thief:ENGINE\nthief = thief:ENGINE\n")
     show_case("fake/fall")
     show_engine("fake-good")
     assert capsys.readouterr().out.count("from: ninedisk-fakes\n") == 2
@@ -192,7 +192,7 @@ def test_patterns() -> None:
         match_cases(["fake/*", "nine-disk"])
 
 
-def test_ids_are_listed_without_importing_what_they_stand_for() -> None:
+def test_ids_are_listed_without_importing_what_they_represent() -> None:
     code = (
         "import sys, ninedisk.harness, ninedisk.harness.api.registry as r; r.case_table(); r.engine_table(); "
         "print(*{'numpy', 'numba', 'pandas', 'pyarrow', 'matplotlib'} & set(sys.modules))"

@@ -39,7 +39,7 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def begin(sample: Path, tmp_path: Path) -> Path:
+def start_files(sample: Path, tmp_path: Path) -> Path:
     """The sample's first 0.17 s, in which disks fly, meet and slide on the floor: an audit takes as long as a file is."""
     folder = shutil.copytree(sample, tmp_path / "there")
     table = pd.read_csv(folder / "trajectory.csv")
@@ -142,10 +142,10 @@ def test_planted_errors_are_found(begin: Path, planted: str) -> None:
         ("normal = [0.0, 1.0]", "normal = [0.05, 1.0]", "momentum"),
     ],
 )
-def test_what_is_told_wrongly_is_found(begin: Path, old: str, new: str, check: str) -> None:
-    told = (begin / "trajectory.toml").read_text()
-    assert old in told
-    (begin / "trajectory.toml").write_text(told.replace(old, new))
+def test_what_is_reported_wrongly_is_found(begin: Path, old: str, new: str, check: str) -> None:
+    reported = (begin / "trajectory.toml").read_text()
+    assert old in reported
+    (begin / "trajectory.toml").write_text(reported.replace(old, new))
     code, checks = audited(begin / "trajectory.csv")
     assert code == 1
     assert check in violated(checks), {name: checks[name]["said"] for name in checks}
@@ -161,9 +161,11 @@ def test_what_is_told_wrongly_is_found(begin: Path, old: str, new: str, check: s
         (1.0, 1.0, 0.99, {"reversal"}),
     ],
 )
-def test_a_bounce_in_closed_form(tmp_path: Path, e: float, told: float, back: float | None, found: set[str]) -> None:
+def test_a_bounce_in_closed_form(
+    tmp_path: Path, e: float, reported: float, back: float | None, found: set[str]
+) -> None:
     file = write(bounce(e), tmp_path / "a.csv")
-    (tmp_path / "a.toml").write_text(('reverse = "back.csv"\n' if back else "") + RIGID.format(e=told))
+    (tmp_path / "a.toml").write_text(('reverse = "back.csv"\n' if back else "") + RIGID.format(e=reported))
     if back is not None:
         there = bounce(e)
         again = there[::-1].assign(t=there.t.to_numpy(), vx=-there.vx[::-1], vy=-there.vy[::-1], omega=-2.0)
@@ -194,8 +196,10 @@ def test_without_velocities_free_flight_is_judged_all_the_same(tmp_path: Path) -
 
 def test_a_moving_wall_gives_what_it_works_and_no_more(tmp_path: Path) -> None:
     """A floor that rises at 0.5 m/s throws a disk back: e = 1 in its frame."""
-    told = RIGID.format(e=1.0).replace("normal = [0.0, 1.0]", "normal = [0.0, 1.0], motion = [{velocity = [0.0, 0.5]}]")
-    (tmp_path / "a.toml").write_text(told)
+    reported = RIGID.format(e=1.0).replace(
+        "normal = [0.0, 1.0]", "normal = [0.0, 1.0], motion = [{velocity = [0.0, 0.5]}]"
+    )
+    (tmp_path / "a.toml").write_text(reported)
     t = np.arange(40) * 0.01
     hit = 1.0 / 2.5
     for gain, found in ((0.0, False), (0.01, True)):
@@ -205,7 +209,7 @@ def test_a_moving_wall_gives_what_it_works_and_no_more(tmp_path: Path) -> None:
         table = pd.DataFrame(
             {"t": t, "id": 1, "x": 0.0, "y": y, "vx": 0.0, "vy": np.where(after, 3.0 + gain, -2.0), "omega": 0.0}
         )
-        (tmp_path / "a.toml").write_text(told.replace("[0.0, -9.81]", "[0.0, 0.0]").replace("1e-4", "1e-3"))
+        (tmp_path / "a.toml").write_text(reported.replace("[0.0, -9.81]", "[0.0, 0.0]").replace("1e-4", "1e-3"))
         _, checks = audited(write(table, tmp_path / "a.csv"))
         assert ("energy" in violated(checks)) is found, checks["energy"]["said"]
 
@@ -314,9 +318,9 @@ def test_every_format(tmp_path: Path, form: str, wrong: bool) -> None:
     if wrong:
         table.loc[(table.id == 1) & (table.t > 0.055), "x"] += 1e-3
     file = FORMS[form](table, tmp_path)
-    told = "gravity = [0.0, -9.81]\ntime = {dt = 1e-4, interval = 0.01}\ndisks = {radius = 0.1, mass = 1.0}\n"
+    reported = "gravity = [0.0, -9.81]\ntime = {dt = 1e-4, interval = 0.01}\ndisks = {radius = 0.1, mass = 1.0}\n"
     scene = tmp_path / "told.toml"
-    scene.write_text(told)
+    scene.write_text(reported)
     _, checks = audited(file, "--scene", str(scene))
     assert violated(checks) == ({"motion"} if wrong else set()), {name: checks[name]["said"] for name in checks}
     assert checks["free"]["judged"] == 22
@@ -375,9 +379,9 @@ DUMP = (
         (TABLE.replace(",vx,vy", ",u,w"), TOLD, ["three or more where it has no vx, vy"]),
     ],
 )
-def test_bad_files_name_the_place_and_the_way_out(tmp_path: Path, text: str, told: str, said: list[str]) -> None:
+def test_bad_files_name_the_place_and_the_remedy(tmp_path: Path, text: str, reported: str, said: list[str]) -> None:
     (tmp_path / "a.csv").write_text(text, encoding="latin-1")
-    (tmp_path / "a.toml").write_text(told)
+    (tmp_path / "a.toml").write_text(reported)
     done = ninedisk("audit", str(tmp_path / "a.csv"))
     assert done.exit_code == 2, done.output
     for words in said:

@@ -8,7 +8,7 @@ import pytest
 
 from ninedisk.core import packings
 from ninedisk.harness.bench import dem
-from ninedisk.harness.bench.dem import DemProblem, makers
+from ninedisk.harness.bench.dem import DemProblem, problem_makers
 
 
 @pytest.fixture
@@ -24,5 +24,5 @@ def settled() -> DemProblem:
     """60 disks, without a word about any cache."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dem, "packing", packings.settled_packing)
-        (problem,) = makers([60], lambda name: name.endswith("-short"))["settled-60-short"]()
+        (problem,) = problem_makers([60], lambda name: name.endswith("-short"))["settled-60-short"]()
     return problem

@@ -19,7 +19,7 @@ from ninedisk.core.cd.solvers.interior_point import InteriorPoint
 from ninedisk.harness.api.engine import EngineNotInstalledError
 from ninedisk.harness.bench import cd
 from ninedisk.harness.bench.cd import Solver, Task, lattice, resting, solvers, turned_gravity
-from ninedisk.harness.bench.measure import NotReachedError, cores
+from ninedisk.harness.bench.measure import NotReachedError, usable_cores
 from ninedisk.harness.engines.package import package_version
 from ninedisk.harness.engines.siconos.adapter import SYSTEM_PYTHON, installed_siconos
 from ninedisk.harness.results.schema import Row
@@ -119,7 +119,7 @@ def test_external_solvers_solve_the_problem_that_is_timed(name: str, packed: Con
 
 
 @pytest.mark.parametrize("name", ["gauss-seidel", "gauss-seidel, Coulomb"])
-def test_what_is_not_reached_in_time_is_told_with_its_figures(
+def test_what_is_not_reached_in_time_is_reported_with_its_figures(
     name: str, packed: ContactProblem, tmp_path: Path
 ) -> None:
     solver = by_name(name)
@@ -133,7 +133,7 @@ def test_what_is_not_reached_in_time_is_told_with_its_figures(
 
 
 def rows_of(problem: ContactProblem, some: list[Solver]) -> list[Row]:
-    found = cd.run_problem("p", lambda: problem, some, repeats=2, time_limit=20.0, tell=lambda _: None)
+    found = cd.run_problem("p", lambda: problem, some, repeats=2, time_limit=20.0, notify=lambda _: None)
     return list(chain.from_iterable(found))
 
 
@@ -147,7 +147,7 @@ def test_rows_cold_and_warm_at_every_tolerance(problem: ContactProblem) -> None:
     assert all(row["rate_unit"] == "ns/contact/sweep" for row in rows if row["engine"].startswith("gauss"))
 
 
-@pytest.mark.skipif(cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(usable_cores() < 2, reason="needs two cores")
 def test_threads_have_rows_where_they_have_work(problem: ContactProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     """Same sweeps, same figures; a small problem, which one thread sweeps alone, has no such row."""
     some = [by_name("gauss-seidel"), by_name("gauss-seidel, 2 threads")]

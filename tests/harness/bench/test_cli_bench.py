@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.api.engine import EngineError
 from ninedisk.harness.bench import harness, plan
 from ninedisk.harness.bench.measure import Sample
-from ninedisk.harness.bench.records import new_row, show
+from ninedisk.harness.bench.records import new_row, print_rows
 from ninedisk.harness.cli import bench as cli_bench
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
@@ -100,7 +100,7 @@ def harness_rows(monkeypatch: pytest.MonkeyPatch, outcomes: list[str]) -> list[R
         "_run",
         lambda *_: Sample(seconds=1.0, whole=1.0, facts={"outcome": left.pop(0), "cpu": 1.0}),
     )
-    return list(chain.from_iterable(harness.run((), harness.COLD, repeats=2, time_limit=60.0, tell=lambda _: None)))
+    return list(chain.from_iterable(harness.run((), harness.COLD, repeats=2, time_limit=60.0, notify=lambda _: None)))
 
 
 def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,7 +111,7 @@ def test_jobs_have_to_agree_with_one_job(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
-    (rows,) = harness.run(("invariance/galilei",), harness.CACHED, repeats=1, time_limit=120.0, tell=lambda _: None)
+    (rows,) = harness.run(("invariance/galilei",), harness.CACHED, repeats=1, time_limit=120.0, notify=lambda _: None)
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     assert "cells:" in rows[0]["check"]
     assert [row["threads"] for row in rows] == [1, 2]
@@ -119,7 +119,7 @@ def test_the_harness_is_timed_on_a_case_with_cached_kernels() -> None:
 
 
 def test_the_appendix_is_meant_by_its_cases() -> None:
-    cases = harness._of_the_appendix()
+    cases = harness._appendix_cases()
     assert {"nine-disk/compression", "nine-disk/distortion", "binary-collision", "incline-block"} < set(cases)
     assert not {"gas/elastic", "invariance/units"} & set(cases)
 
@@ -134,7 +134,7 @@ def test_tables_and_pages_bear_rows_without_numbers(here: Path) -> None:
         new_row(suite=suite, problem="settled-1", engine="<e>", status="not-installed", reason="<b>missing</b>")
         for suite in ("dem", "cd", "harness")
     ]
-    show(rows, [])
+    print_rows(rows, [])
     assert all(charts(rows, suite) == [] for suite in ("dem", "cd", "harness"))
     facts = {"commit": "", "cpu": "c", "cores": 2, "python": "3"}
     write_bench({"run_id": "r", "argv": [], "provenance": facts, "versions": {}, "rows": rows}, here / "page.html")

@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("problems")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(problem_set, "problem_folder", lambda: made)
-        problem_set.kept_state(FAMILY, DISKS, seed=0)
+        problem_set.stored_state(FAMILY, DISKS, seed=0)
     return made
 
 
@@ -40,7 +40,7 @@ def kept(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def rows_of(some: Sequence[Racer], repeats: int = 1) -> list[Row]:
-    found = run_state(FAMILY, DISKS, some, repeats=repeats, time_limit=20.0, tell=lambda _: None)
+    found = run_state(FAMILY, DISKS, some, repeats=repeats, time_limit=20.0, notify=lambda _: None)
     return list(chain.from_iterable(found))
 
 
@@ -54,7 +54,7 @@ def answer(problem: ContactProblem) -> np.ndarray:
 
 def slipping() -> tuple[ContactProblem, np.ndarray, int]:
     """A problem with its solution, and the contact with the largest friction of those that slide."""
-    for file, row in problem_set.kept_state(FAMILY, DISKS, seed=0):
+    for file, row in problem_set.stored_state(FAMILY, DISKS, seed=0):
         if row["mu"] == 0.3:
             problem = ContactProblem.load(file)
             r = answer(problem)
@@ -86,10 +86,10 @@ def test_a_planted_answer_is_refused_at_every_tolerance(plant: object) -> None:
     assert r[k, 1] != 0.0
     assert judge(problem, plant(r, k), "coulomb").worst > TOLERANCES[0]  # type: ignore[operator]
 
-    def liar(jobs: Sequence[Job], limit: float) -> list[Climb]:  # noqa: ARG001
+    def faulty_solver(jobs: Sequence[Job], limit: float) -> list[Climb]:  # noqa: ARG001
         return [Climb((Attempt(1e-12, plant(answer(job.problem), k), 1e-9, 1, good=True),)) for job in jobs]  # type: ignore[operator]
 
-    rows = rows_of([by_name(BASE["coulomb"]), Racer("liar", "coulomb", liar)])
+    rows = rows_of([by_name(BASE["coulomb"]), Racer("liar", "coulomb", faulty_solver)])
     told = [row for row in rows if row["engine"] == "liar" and "mu0.3" in row["problem"]]
     assert [row["status"] for row in told] == ["not-reached"] * len(TOLERANCES)
     assert all('"claimed": true' in row["settings"] and row["median_s"] != row["median_s"] for row in told)
@@ -144,18 +144,18 @@ def test_a_driver_that_is_stopped_costs_one_problem(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr(coulomb, "run_isolated", run)
     requests = [{"name": name, "tolerances": [1e-3], "limit": 1.0} for name in ("one", "slow", "other", "last")]
-    found = coulomb._asked([], requests, None)
+    found = coulomb._ask_driver([], requests, None)
     assert [climb.status for climb in found] == ["not-reached", "timeout", "not-reached", "not-reached"]
     assert asked == [4, 2]
 
 
 def test_problems_are_kept_and_made_again_where_a_file_is_another_one() -> None:
-    (first, row), (second, _), *_ = problem_set.kept_state(FAMILY, DISKS, seed=0)
+    (first, row), (second, _), *_ = problem_set.stored_state(FAMILY, DISKS, seed=0)
     stamp = first.stat().st_mtime_ns
-    assert problem_set.kept_state(FAMILY, DISKS, seed=0)[0][0].stat().st_mtime_ns == stamp
+    assert problem_set.stored_state(FAMILY, DISKS, seed=0)[0][0].stat().st_mtime_ns == stamp
     problem = ContactProblem.load(first)
     replace(problem, mu=np.nextafter(problem.mu, 9.0)).save(second)
-    again = problem_set.kept_state(FAMILY, DISKS, seed=0)
+    again = problem_set.stored_state(FAMILY, DISKS, seed=0)
     assert first.stat().st_mtime_ns != stamp
     assert again[0] == (first, row)
     assert [problem_set.content_hash(ContactProblem.load(file)) for file, _ in again] == [

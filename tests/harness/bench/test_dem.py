@@ -17,7 +17,17 @@ from ninedisk.core.dem.session import DemSession
 from ninedisk.harness.api.engine import EngineNotInstalledError
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import dem
-from ninedisk.harness.bench.dem import LAMMPS, PEERS, YADE, DemProblem, core_memory, flowing, makers, run_core, run_peer
+from ninedisk.harness.bench.dem import (
+    LAMMPS,
+    PEERS,
+    YADE,
+    DemProblem,
+    core_memory,
+    problem_makers,
+    run_core,
+    run_peer,
+    sheared_packing,
+)
 from ninedisk.harness.bench.measure import Sample
 from ninedisk.harness.results.schema import Row
 
@@ -32,7 +42,7 @@ EACH_PEER = [pytest.param(peer, marks=needs(peer.id), id=peer.id) for peer in PE
 
 def run(problem: DemProblem, *names: str) -> dict[str, Row]:
     engines = {name: get_engine(name) for name in names}
-    rows = dem.run_problem(problem, engines, repeats=2, time_limit=60.0, tell=lambda _: None)
+    rows = dem.run_problem(problem, engines, repeats=2, time_limit=60.0, notify=lambda _: None)
     return {row["engine"]: row for row in rows}
 
 
@@ -110,7 +120,7 @@ def test_threads_are_held_against_one(settled: DemProblem, monkeypatch: pytest.M
     monkeypatch.setattr(dem, "SORT_FROM", 10)
     monkeypatch.setattr(dem, "cores", lambda: 3)
     problem = replace(settled, short=False)
-    rows = dem.run_problem(problem, {}, repeats=1, time_limit=60.0, tell=lambda _: None)
+    rows = dem.run_problem(problem, {}, repeats=1, time_limit=60.0, notify=lambda _: None)
     assert [row["threads"] for row in rows] == [1, 2, 3]
     assert {row["status"] for row in rows} == {"pass"}
 
@@ -121,7 +131,7 @@ def test_a_peer_with_threads_is_timed_with_more(settled: DemProblem, monkeypatch
     monkeypatch.setattr(dem, "SORT_FROM", 10)
     monkeypatch.setattr(dem, "cores", lambda: 2)
     engines = {"yade": get_engine("yade")}
-    rows = dem.run_problem(settled, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    rows = dem.run_problem(settled, engines, repeats=1, time_limit=60.0, notify=lambda _: None)
     assert [(row["engine"], row["threads"]) for row in rows] == [("dem", 1), ("yade", 1), ("yade", 2)]
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     words = dem._command(YADE, engines["yade"], 2)
@@ -165,12 +175,12 @@ def test_counts_are_means_over_the_very_run(settled: DemProblem, monkeypatch: py
 
 def test_problems_of_a_size() -> None:
     """A size's name, kinds and steps; nothing settles before its maker is called."""
-    assert list(makers([100, 1000, 100], lambda _: True)) == ["settled-100", "settled-1000"]
-    assert list(makers([100, 1000], lambda name: name.startswith("flowing"))) == ["flowing-1000"]
+    assert list(problem_makers([100, 1000, 100], lambda _: True)) == ["settled-100", "settled-1000"]
+    assert list(problem_makers([100, 1000], lambda name: name.startswith("flowing"))) == ["flowing-1000"]
 
 
 def test_the_flowing_packing_has_no_right_wall_and_moves(settled: DemProblem) -> None:
-    scene = flowing(settled.scene)
+    scene = sheared_packing(settled.scene)
     assert [wall.name for wall in scene.walls] == ["left", "bottom"]
     assert scene.disks.v[:, 0].max() > 0.0
     assert np.array_equal(scene.disks.x, settled.scene.disks.x)

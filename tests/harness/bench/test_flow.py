@@ -15,7 +15,7 @@ from ninedisk.core.scene import Disks, Scene
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Support
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import flow
-from ninedisk.harness.bench.flow import FlowProblem, apart, relative_gaps
+from ninedisk.harness.bench.flow import FlowProblem, relative_gaps, without_contacts
 from ninedisk.harness.results.schema import Row
 
 
@@ -25,11 +25,11 @@ def problem() -> FlowProblem:
     scene = packings.drum(40, turns_per_second=0.5)
     v = np.random.default_rng(1).normal(0.0, 3.0, (40, 2))
     disks = Disks(x=scene.disks.x, v=v, radius=scene.disks.radius, mass=scene.disks.mass)
-    return FlowProblem(name="drum-40", scene=apart(scene.replace(disks=disks)), steps=16)
+    return FlowProblem(name="drum-40", scene=without_contacts(scene.replace(disks=disks)), steps=16)
 
 
 def rows_of(problem: FlowProblem, chosen: list[flow.Entry], engines: dict[str, Any]) -> list[Row]:
-    (rows,) = flow.run_problem(lambda: problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    (rows,) = flow.run_problem(lambda: problem, chosen, engines, repeats=1, time_limit=60.0, notify=lambda _: None)
     return rows
 
 
@@ -59,7 +59,7 @@ def test_gaps_of_a_scene_in_closed_form() -> None:
     near = np.array([[wall.point[0] - 0.5, 0.0], [-9.0, 0.0], [-9.0, -5.0]])
     walled = turned.replace(walls=(wall,), disks=Disks(x=near, radius=[1.0, 1.0, 0.1], mass=1.0))
     assert relative_gaps(walled, near, 0.0) == pytest.approx([-0.5], abs=1e-12)
-    assert -relative_gaps(apart(walled), near, 0.0).min(initial=0.0) == 0.0
+    assert -relative_gaps(without_contacts(walled), near, 0.0).min(initial=0.0) == 0.0
     # A quarter of a turn later the wall stands above: the disk at its old place is far from it.
     quarter = 0.25 / (wall.motion[0].angular_velocity / (2.0 * math.pi))
     assert len(relative_gaps(walled, near, quarter)) == 0
@@ -122,13 +122,13 @@ def test_ratio_at_equal_error_in_closed_form(size: float, expected: float) -> No
         {"friction_error": math.nan, "median_s": 2.0},
     ]
     row = {"friction_error": size, "median_s": 5.0}
-    assert flow.at_equal("friction_error", row, ladder, 1e-8) == pytest.approx(expected, rel=1e-12, nan_ok=True)
-    assert math.isnan(flow.at_equal("friction_error", row | {"median_s": math.nan}, ladder, 1e-8))
-    assert math.isnan(flow.at_equal("friction_error", row | {"friction_error": math.nan}, ladder, 1e-8))
+    assert flow.time_at_equal("friction_error", row, ladder, 1e-8) == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert math.isnan(flow.time_at_equal("friction_error", row | {"median_s": math.nan}, ladder, 1e-8))
+    assert math.isnan(flow.time_at_equal("friction_error", row | {"friction_error": math.nan}, ladder, 1e-8))
 
 
 @pytest.mark.parametrize("size", [0.0, 1e-9, 1e-4])
-def test_errors_that_cannot_be_told_from_none_meet_the_fastest_rung_without_any(size: float) -> None:
+def test_errors_that_cannot_be_distinguished_from_none_meet_the_fastest_rung_without_any(size: float) -> None:
     ladder = [{"penetration": error, "median_s": each} for error, each in ((0.0, 9.0), (1e-5, 3.0), (1e-2, 1.0))]
     row = {"penetration": size, "median_s": 6.0}
-    assert flow.at_equal("penetration", row, ladder, 1e-4) == pytest.approx(2.0)
+    assert flow.time_at_equal("penetration", row, ladder, 1e-4) == pytest.approx(2.0)

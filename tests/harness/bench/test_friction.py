@@ -17,7 +17,7 @@ from ninedisk.core.scene import Disks, Scene, Wall
 from ninedisk.core.scene.walls import WallSegment
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import friction
-from ninedisk.harness.bench.flow import apart
+from ninedisk.harness.bench.flow import without_contacts
 from ninedisk.harness.bench.friction import friction_of, near_pairs, slips_of
 
 LAW = ContactLaw(kn=1.0, mu=0.5, regularised=True)
@@ -64,11 +64,13 @@ def slide(sign: float = 1.0, scheme: str = "theta", **told: object) -> float:
 
 @pytest.mark.parametrize("scheme", friction.SOLVED_AT)
 @pytest.mark.parametrize(("sign", "error"), [(1.0, 0.0), (0.5, 0.5), (1.2, 0.2), (-1.0, 2.0)])
-def test_a_slide_with_friction_too_weak_too_strong_and_the_wrong_way(scheme: str, sign: float, error: float) -> None:
+def test_a_slide_with_friction_too_weak_too_strong_and_the_wrong_direction(
+    scheme: str, sign: float, error: float
+) -> None:
     assert slide(sign, scheme) == pytest.approx(error, abs=1e-15)
 
 
-def test_what_has_no_rigid_law_or_tells_nothing_is_not_judged() -> None:
+def test_what_has_no_rigid_law_or_reports_nothing_is_not_judged() -> None:
     assert math.isnan(slide(scheme="central-difference"))
     assert math.isnan(slide(meaning="instantaneous"))
     assert math.isnan(slide(silent=True))
@@ -80,7 +82,7 @@ def flowing(mu: float) -> Scene:
     v = np.random.default_rng(1).normal(0.0, 3.0, (40, 2))
     disks = Disks(x=scene.disks.x, v=v, radius=scene.disks.radius, mass=scene.disks.mass)
     walls = tuple(replace(wall, law=replace(wall.law, mu=mu)) for wall in scene.walls)
-    return apart(scene.replace(disks=disks, walls=walls, disk_disk=replace(scene.disk_disk, mu=mu)))
+    return without_contacts(scene.replace(disks=disks, walls=walls, disk_disk=replace(scene.disk_disk, mu=mu)))
 
 
 def run_of(name: str, scene: Scene, pairs: list[Pair]) -> History:

@@ -39,7 +39,7 @@ def one_limit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(engines: dict[str, Any]) -> dict[tuple[str, int], Row]:
-    (rows,) = nine_disks.run_accuracy("overlap", engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    (rows,) = nine_disks.run_accuracy("overlap", engines, repeats=1, time_limit=60.0, notify=lambda _: None)
     return {(row["engine"], row["steps"]): row for row in rows}
 
 
@@ -123,7 +123,7 @@ def test_no_number_is_no_small_error() -> None:
 
 
 def test_nine_disks_are_timed_on_the_core() -> None:
-    rows = list(chain.from_iterable(nine_disks.run("overlap", {}, repeats=1, time_limit=60.0, tell=lambda _: None)))
+    rows = list(chain.from_iterable(nine_disks.run("overlap", {}, repeats=1, time_limit=60.0, notify=lambda _: None)))
     assert {row["status"] for row in rows} == {"pass"}, [row["reason"] for row in rows]
     names = [(row["problem"], row["engine"]) for row in rows]
     assert ("nine-disks-overlap", nine_disks.ALONE) in names

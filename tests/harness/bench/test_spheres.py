@@ -11,7 +11,7 @@ import pytest
 from ninedisk.core.packings.spheres import settled_spheres
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.bench import dem, spheres
-from ninedisk.harness.bench.spheres import LAMMPS, PEERS, SphereProblem, makers
+from ninedisk.harness.bench.spheres import LAMMPS, PEERS, SphereProblem, problem_makers
 from ninedisk.harness.results.schema import Row
 
 
@@ -19,8 +19,8 @@ from ninedisk.harness.results.schema import Row
 def problems() -> dict[str, SphereProblem]:
     """Sixty spheres without a word about any cache, few steps, by name."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(spheres, "packing", lambda n, tell: settled_spheres(n, progress=tell))
-        (make,) = makers([60], lambda _: True).values()
+        patch.setattr(spheres, "packing", lambda n, notify: settled_spheres(n, progress=notify))
+        (make,) = problem_makers([60], lambda _: True).values()
         return {each.name: replace(each, steps=200) for each in make()}
 
 
@@ -28,7 +28,7 @@ def run(problem: SphereProblem, engine: str) -> Row:
     info = get_engine(engine).info()
     if not info.installed:
         pytest.skip(f"{info.name}: {info.not_installed_because}")
-    rows = dem.run_problem(problem, {engine: get_engine(engine)}, repeats=1, time_limit=60.0, tell=lambda _: None)
+    rows = dem.run_problem(problem, {engine: get_engine(engine)}, repeats=1, time_limit=60.0, notify=lambda _: None)
     return {row["engine"]: row for row in rows}[engine]
 
 
@@ -67,7 +67,10 @@ def test_other_conventions_are_seen(problems: dict[str, SphereProblem], monkeypa
 
 
 def test_problems_of_a_size_and_their_packing(packing_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert list(makers([1000, 100_000], lambda name: not name.endswith("-short"))) == ["settled-1000", "settled-100000"]
+    assert list(problem_makers([1000, 100_000], lambda name: not name.endswith("-short"))) == [
+        "settled-1000",
+        "settled-100000",
+    ]
     first = spheres.packing(20)
     assert len(list(packing_folder.iterdir())) == 1
     with monkeypatch.context() as patch:
@@ -75,8 +78,8 @@ def test_problems_of_a_size_and_their_packing(packing_folder: Path, monkeypatch:
         assert spheres.packing(20) == first
 
 
-def test_memory_and_counts_are_told(problems: dict[str, SphereProblem]) -> None:
-    (row,) = dem.run_problem(problems["settled-60"], {}, repeats=1, time_limit=60.0, tell=lambda _: None)
+def test_memory_and_counts_are_reported(problems: dict[str, SphereProblem]) -> None:
+    (row,) = dem.run_problem(problems["settled-60"], {}, repeats=1, time_limit=60.0, notify=lambda _: None)
     assert row["status"] == "pass"
     assert 500.0 < row["bytes_per_disk"] < 5_000.0
     assert row["listed_pairs"] >= row["contacts"] > 100

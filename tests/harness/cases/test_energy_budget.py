@@ -60,17 +60,17 @@ def test_the_balance_of_the_dem_is_of_second_order() -> None:
     assert off[2] < off[0] / 16.0 * 2.0
 
 
-@pytest.mark.parametrize("told", [(), ("kinetic",), ("kinetic", "elastic", "gravity", "friction_loss")])
-def test_engines_that_do_not_tell_are_not_judged(told: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("reported", [(), ("kinetic",), ("kinetic", "elastic", "gravity", "friction_loss")])
+def test_engines_that_do_not_report_are_not_judged(reported: tuple[str, ...]) -> None:
     """No balance without all channels; a single loss that is told is held to it."""
     history = run(CD, contacts="rigid")
-    silent = replace(history, energy={name: history.energy[name] for name in told})
+    silent = replace(history, energy={name: history.energy[name] for name in reported})
     info = replace(DEM.info(), id="other", reference=False)
     given = resolve(CASE, {**SHORT, "contacts": "rigid"}).params
     setup = CASE.build(given)
     observed = CASE.observe(given, setup, silent)
     bound = {c.quantity for c in CASE.checks(given, setup, observed, info) if np.isfinite(c.expected).any()}
-    assert bound == {f"energy_{name}_fed" for name in LOSSES if name in told}
-    if "friction_loss" in told:
+    assert bound == {f"energy_{name}_fed" for name in LOSSES if name in reported}
+    if "friction_loss" in reported:
         fed = replace(silent, energy={**silent.energy, "friction_loss": -silent.energy["friction_loss"]})
         assert failures(fed, info, contacts="rigid") == {"energy_friction_loss_fed"}

@@ -13,7 +13,7 @@ from ninedisk.harness.api.engine import SOFTEST, SupportLevel
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case, get_engine
 from ninedisk.harness.api.support import NOTE_SLIP_END
-from ninedisk.harness.cases.common import single, slack_time, softness, with_slop
+from ninedisk.harness.cases.common import contact_softness, single, slack_time, with_slop
 from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.cases.impact.binary import CASE as COLLISION
 from ninedisk.harness.cases.incline.block import CASE as INCLINE
@@ -52,9 +52,9 @@ def test_softness_acts_for_a_step(scheme_info):
     known = dataclasses.replace(scheme_info("some", "soft"), softness=1e-3, softness_why="measured")
     v = 0.0
     for _ in range(9):
-        v = softness(known) * (v + 10.0 * 0.01)
+        v = contact_softness(known) * (v + 10.0 * 0.01)
     assert v == pytest.approx(10.0 * slack_time(known, 0.01), rel=1e-12)
-    assert softness(scheme_info("some", "impulse")) == 0.0
+    assert contact_softness(scheme_info("some", "impulse")) == 0.0
 
 
 @pytest.mark.parametrize("name", RIGID_PANEL)
@@ -196,7 +196,7 @@ def test_friction_that_lags_costs_the_first_step_of_a_start_without_load_only(ru
     assert "vx" in run_cell(INCLINE, LAGGED, {"mu": 0.36}, two_steps).seen
 
 
-def test_runge_kutta_s_bound_tells_its_step_from_the_cycle(judge_history):
+def test_runge_kutta_s_bound_reports_its_step_from_the_cycle(judge_history):
     """The in-house DEM at one step a cycle is 1e-2 of the swing from the continuous solution: far beyond third order."""
     params = {"load_case": "a1", "xi": 0.0}
     setup = COMPRESSION.build(resolve(COMPRESSION, params).params)

@@ -26,7 +26,7 @@ from ninedisk.harness.run.runner import PLACES, penetration
 ROUND = 1e-12
 
 
-def told(case_id: str, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
+def reported(case_id: str, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
     """The rows of a variant's headlines on a history without numbers, by their words."""
     case = get_case(case_id)
     params = resolve(case, overrides).params
@@ -40,11 +40,11 @@ def told(case_id: str, overrides: Mapping[str, Any]) -> Mapping[str, Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("case_id", list(case_table()))
-def test_every_variant_tells_the_same_one_to_four(case_id: str) -> None:
+def test_every_variant_reports_the_same_one_to_four(case_id: str) -> None:
     """On a blank history: a scale above 0 and a known use (`headline_row` refuses others), and a truth in some variant."""
     names, with_truth = set(), set()
     for overrides in get_case(case_id).matrix():
-        found = told(case_id, overrides)
+        found = reported(case_id, overrides)
         assert 1 <= len(found) <= 4
         names.add(tuple(found))
         with_truth |= {name for name, each in found.items() if not np.isnan(np.asarray(each.expected)).all()}
@@ -118,7 +118,7 @@ def test_truths_are_those_of_the_continuous_problem(
     case_id: str, overrides: Mapping[str, Any], name: str, expected: float
 ) -> None:
     """By hand; NaN where the law of the contacts, not the problem, decides."""
-    given = np.asarray(told(case_id, overrides)[name].expected, dtype=np.float64)
+    given = np.asarray(reported(case_id, overrides)[name].expected, dtype=np.float64)
     assert given == pytest.approx(expected, rel=1e-12, nan_ok=True)
 
 

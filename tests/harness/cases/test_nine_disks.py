@@ -171,7 +171,7 @@ def test_cross_checks_see_small_differences(case: Any) -> None:
 
 
 @pytest.mark.long
-def test_half_rows_bear_their_wall_s_way_whoever_shares_it() -> None:
+def test_half_rows_bear_their_wall_s_path_whoever_shares_it() -> None:
     """Between rough walls, moving or in the static limit, the sums see what the step's own error hides in each force."""
     for engine, regime in ((ENGINE, "dynamic"), (CD, "quasi-static")):
         params = dict(resolve(COMPRESSION, {"wall_mu": "mu", "regime": regime, "settle_cycles": 400}).params)
@@ -205,7 +205,7 @@ def test_no_bound_of_an_amplitude_exceeds_it(scheme_info: Callable[..., Any]) ->
     assert found["cd"] == []
 
 
-def test_final_coordinates_are_judged_by_the_walls_way_not_by_the_origin() -> None:
+def test_final_coordinates_are_judged_by_the_walls_path_not_by_the_origin() -> None:
     params, setup, history = history_of(DISTORTION)
     off = dataclasses.replace(history, x=history.x + 1.5)
     final = {f"{axis}_{disk}_final:converged" for axis in "xy" for disk in (2, 8)}

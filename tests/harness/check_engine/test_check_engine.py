@@ -23,7 +23,7 @@ from ninedisk.harness.api.registry import case_table, get_case, get_engine
 from ninedisk.harness.cases.adapter.probe_of import probe_of
 from ninedisk.harness.check_engine.check import check_engine
 from ninedisk.harness.check_engine.outcomes import FAIL, PASS, REFUSED, UNSEEN, Fault
-from ninedisk.harness.check_engine.verdict import CASE_OF, show
+from ninedisk.harness.check_engine.verdict import CASE_OF, print_verdict
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.selftest.declared import DECLARED, Declared
@@ -626,11 +626,11 @@ def test_friction_is_tested_without_what_it_does_not_need(less: set[Capability])
 def said(engine: DemEngine, capsys: pytest.CaptureFixture[str], *only: str) -> list[str]:
     outcomes = check_engine(engine, only=only)
     capsys.readouterr()
-    show(engine, engine.info(), outcomes, ["--engine", "dem"])
+    print_verdict(engine, engine.info(), outcomes, ["--engine", "dem"])
     return [line.strip() for line in capsys.readouterr().out.splitlines() if line.strip()]
 
 
-def test_the_verdict_stands_first_with_numbers_and_what_to_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_verdict_comes_first_with_numbers_and_what_to_run(capsys: pytest.CaptureFixture[str]) -> None:
     lines = said(Planted(answer=history(wall_force=np.negative)), capsys, "units: *", "supports: GRAVITY")
     assert lines[0].endswith(": 1 of 3 checks fail")
     assert lines[2] == "look at this first: units: weights and pairs"
@@ -640,7 +640,7 @@ def test_the_verdict_stands_first_with_numbers_and_what_to_run(capsys: pytest.Ca
     assert lines[-1] == "next: ninedisk run impact/bouncing-disk --engine dem"
 
 
-def test_the_fault_in_the_simplest_scene_stands_first_and_its_echoes_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_fault_in_the_simplest_scene_comes_first_and_its_echoes_once(capsys: pytest.CaptureFixture[str]) -> None:
     """Gravity that is twice too strong spoils every scene with a weight."""
     heavy = Planted(scene=lambda s: s.replace(gravity=tuple(2.0 * g for g in s.gravity)))
     lines = said(heavy, capsys, "units: *", "supports: GRAVITY", "supports: FRICTION", "supports: BLOCKED_ROTATION")

@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.params import allowed, format_value
 from ninedisk.harness.api.registry import BUILTIN_CASES, BUILTIN_ENGINES, engine_table, get_case, get_engine
-from ninedisk.harness.api.text import some
+from ninedisk.harness.api.text import count_noun
 from ninedisk.harness.cli.app import FIRST, MORE, app
 
 
@@ -83,7 +83,7 @@ def test_one_case_in_full(case_id: str) -> None:
             assert word, parameter.name
         assert parameter.name in done.stdout
         assert allowed(parameter)
-    assert f"{some(len(case.matrix()), 'variant')} run by default" in done.stdout
+    assert f"{count_noun(len(case.matrix()), 'variant')} run by default" in done.stdout
 
 
 @pytest.mark.parametrize("words", commands())
@@ -168,7 +168,7 @@ def test_the_first_help_explains_ten_commands_and_names_the_others() -> None:
         ("run --enigne dem", "--engine"),
     ],
 )
-def test_what_is_misspelt_gets_near_names_and_the_way_out(
+def test_what_is_misspelt_gets_near_names_and_the_remedy(
     arguments: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

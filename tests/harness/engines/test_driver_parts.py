@@ -15,7 +15,7 @@ def test_a_long_history_is_a_file_with_the_same_numbers(tmp_path: Path, steps: i
     x = np.random.default_rng(1).normal(size=(steps, 1, 2)) / 3.0
     energy = np.append(math.nan, x[1:, 0, 0])
     history = {"step": np.arange(steps), "x": x, "force_meaning": "instantaneous", "energy": {"elastic": energy}}
-    told = driver_parts.written(history, str(tmp_path / "answer.json"))
+    told = driver_parts.encoded_history(history, str(tmp_path / "answer.json"))
     assert told["force_meaning"] == "instantaneous"
     assert ("file" in told) == (steps == driver_parts.MANY)
     found = read_history_file(told["file"], tmp_path, ("x",)) if "file" in told else told

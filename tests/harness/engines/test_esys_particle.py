@@ -104,7 +104,7 @@ def test_forces_on_spheres_that_its_contacts_cannot_make_are_an_error(
 
 
 @needs_esys
-def test_run_stopped_half_way_is_a_timeout_and_leaves_no_process(
+def test_run_stopped_halfway_is_a_timeout_and_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """mpirun puts its processes into groups of their own: they must end when it is killed."""

@@ -352,13 +352,13 @@ def test_dashpots_inertia_and_regimes_are_graded_honestly() -> None:
 
 @needs_lammps
 def test_a_run_leaves_no_shared_memory_behind() -> None:
-    def left() -> set[Path]:
+    def from_left() -> set[Path]:
         found = Path("/dev/shm").glob("mpich_shm_*")
         return {path for path in found if not Path("/proc", str(int(path.name.split("_")[2], 16))).exists()}
 
-    before, setup = left(), variant("nine-disk/compression")
+    before, setup = from_left(), variant("nine-disk/compression")
     Lammps().run(setup.scene, setup.numerics.replace(n_steps=1), [])
-    assert left() <= before
+    assert from_left() <= before
 
 
 @pytest.mark.parametrize("absent", ["lammps", "mpich"])
@@ -442,7 +442,7 @@ def test_a_deforming_cell_is_the_dems_step_by_step(rate: tuple[tuple[float, floa
         (Cell(size=(40.0, 40.0), rate=((0.1, 1.0), (0.0, 0.0))), adapter.NOTE_CELL_FLIPS),
     ],
 )
-def test_cells_that_lammps_does_not_have_are_told(cell: Cell, note: str) -> None:
+def test_cells_that_lammps_does_not_have_are_reported(cell: Cell, note: str) -> None:
     scene = Scene(
         disks=Disks(x=[[1.0, 1.0], [4.0, 1.0]], radius=1.0, mass=1.0), disk_disk=ContactLaw(kn=1e3), cell=cell
     )

@@ -89,7 +89,7 @@ def test_far_apart_disks_need_no_more_memory() -> None:
 
 
 @pytest.mark.parametrize("wall_mu", [0.0, "mu"])
-def test_spheres_stand_for_disks_only_where_symmetry_forbids_turning(wall_mu: float | str) -> None:
+def test_spheres_represent_disks_only_where_symmetry_forbids_turning(wall_mu: float | str) -> None:
     setup = variant("nine-disk/compression", wall_mu=wall_mu)
     answer = Liggghts().supports(setup.scene, setup.numerics)
     assert (answer.level, answer.notes) == (SupportLevel.EXACT, (adapter.NOTE_SYMMETRY,))

@@ -15,7 +15,7 @@ from ninedisk.core.scene import ContactLaw, Disks, Scene
 from ninedisk.harness.api.case import Observed, Setup
 from ninedisk.harness.api.claims import UndecidedError, claims_of
 from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
-from ninedisk.harness.cases.nine_disk.shown import CONTACTS
+from ninedisk.harness.cases.nine_disk.figures import CONTACTS
 from ninedisk.harness.results.claims import judge_claims
 from ninedisk.harness.results.schema import CELL_COLUMNS, CLAIM_COLUMNS, MEASUREMENT_COLUMNS
 from ninedisk.harness.results.tables import CaseResult, complete

@@ -115,11 +115,11 @@ def test_a_cell_that_breaks_is_worse_and_one_that_cannot_run_is_lost(synthetic: 
 def test_other_case_versions_are_not_comparable(synthetic: ModuleType) -> None:
     plan = {"versions": {"incline-block": 1}, "errors": {("incline-block", "k=0", "dem", "energy_final"): (1, 99.0)}}
     found = both(runs(synthetic, **plan))
-    told = [change for change in found.changes if change.verdict == "not-comparable"]
-    assert {(c.case, c.variant, c.engine) for c in told} == {
+    reported = [change for change in found.changes if change.verdict == "not-comparable"]
+    assert {(c.case, c.variant, c.engine) for c in reported} == {
         ("incline-block", v, e) for v in ("k=0", "k=1") for e in ("dem", "yade", "pymunk")
     }
-    assert {c.reason for c in told} == {"not comparable: the case has version 1 in BASE, 2 in HEAD"}
+    assert {c.reason for c in reported} == {"not comparable: the case has version 1 in BASE, 2 in HEAD"}
     assert worse(found) == []
     assert not any(c.case == "incline-block" for c in found.changes if c.verdict != "not-comparable")
 
@@ -128,9 +128,9 @@ def test_timings_of_other_machines_are_not_comparable(synthetic: ModuleType) -> 
     plan = {"machines": ("AMD EPYC", "Intel Xeon"), "timings": {("slip-to-roll", "k=0", "dem"): (1, 9.0)}}
     found = both(runs(synthetic, **plan, errors={("incline-block", "k=1", "yade", "energy_final"): (1, 30.0)}))
     assert [c.kind for c in worse(found)] == ["error"], "errors are compared across machines, timings are not"
-    (told,) = [change for change in found.changes if change.verdict == "not-comparable"]
-    assert told.kind == "timing"
-    assert "AMD EPYC, 2 cores, Linux x86_64 and of Intel Xeon" in told.reason
+    (reported,) = [change for change in found.changes if change.verdict == "not-comparable"]
+    assert reported.kind == "timing"
+    assert "AMD EPYC, 2 cores, Linux x86_64 and of Intel Xeon" in reported.reason
 
 
 def test_missing_and_additional_cells_and_checks(synthetic: ModuleType) -> None:
@@ -150,10 +150,10 @@ def test_missing_and_additional_cells_and_checks(synthetic: ModuleType) -> None:
 
 def test_a_machine_that_slows_down_is_no_regression(synthetic: ModuleType) -> None:
     base, head = runs(synthetic)
-    for names, told in ((("cpu_s", "reference_s"), []), (("cpu_s",), [("suspect", "all timings")])):
+    for names, reported in ((("cpu_s", "reference_s"), []), (("cpu_s",), [("suspect", "all timings")])):
         cells = {k: {**c, **{name: 1.6 * c[name] for name in names}} for k, c in head.cells.items()}
         found = compare(side([base]), side([replace(head, cells=cells)]))
-        assert [(c.verdict, c.case) for c in found.changes if c.verdict != "same"] == told
+        assert [(c.verdict, c.case) for c in found.changes if c.verdict != "same"] == reported
 
 
 def test_wall_clock_times_of_old_stores_are_suspect_at_most(synthetic: ModuleType) -> None:

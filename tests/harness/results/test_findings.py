@@ -28,7 +28,7 @@ from ninedisk.harness.api.finding import Finding, Size, finding_problems, known_
 from ninedisk.harness.api.registry import engine_table, get_case
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.cli.support import parse_settings
-from ninedisk.harness.results.findings import GROWN, alike, evaluate
+from ninedisk.harness.results.findings import GROWN, evaluate, shows_finding
 from ninedisk.harness.results.schema import DETERMINISM_KINDS, TABLES, EvaluatedFinding
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.run.plan import Cell, plan_matrix
@@ -81,10 +81,10 @@ def test_what_a_finding_says_exists(each: Finding) -> None:
     mine = [cell for variant, cell in cells.items() if fnmatchcase(variant, size.variant)]
     assert mine
     asked = {size.quantity, size.per} - {"", "1"}
-    assert asked <= set().union(*(told_of(cell, size) for cell in mine))
+    assert asked <= set().union(*(reported_on(cell, size) for cell in mine))
 
 
-def told_of(cell: Cell, size: Size) -> set[str]:
+def reported_on(cell: Cell, size: Size) -> set[str]:
     """Quantities that a cell measures by the size's truth, or its headlines: whichever table the size is read from."""
     assert isinstance(cell.setup, Setup)
     assert not isinstance(cell.engine, Exception)
@@ -178,7 +178,7 @@ PRINTED_RISE = (0.001 - 0.3 * 0.001) / (1.0 + 0.3**2)
 LIFTS, TENSION = "cd/sliding-lifts", "source/a4-needs-tension"
 
 
-def told(store: Path, name: str) -> tuple[EvaluatedFinding, Result]:
+def reported(store: Path, name: str) -> tuple[EvaluatedFinding, Result]:
     """What is found of a finding, and the command's answer about it."""
     (found,) = (each for each in evaluate(store, FINDINGS) if each.id == name)
     answer = CliRunner().invoke(app, ["findings", name, "--store", str(store)])
@@ -188,7 +188,7 @@ def told(store: Path, name: str) -> tuple[EvaluatedFinding, Result]:
 
 def test_a_size_that_is_gone(store: Path) -> None:
     of_lift(store, lambda row: scaled(row, 0.0))
-    found, answer = told(store, LIFTS)
+    found, answer = reported(store, LIFTS)
     assert (found.verdict, found.size, answer.exit_code) == ("gone", 0.0, 1)
 
 
@@ -196,7 +196,7 @@ def test_a_size_that_is_gone(store: Path) -> None:
 def test_a_size_that_grew_since_the_run_before(store: Path, factor: float, verdict: str) -> None:
     earlier(store)
     of_lift(store, lambda row: scaled(row, factor), run=NEW)
-    found, answer = told(store, LIFTS)
+    found, answer = reported(store, LIFTS)
     assert (found.verdict, answer.exit_code) == (verdict, int(verdict == "larger"))
     assert found.size == pytest.approx(factor * found.before)
 
@@ -207,7 +207,7 @@ def test_results_of_another_definition_of_the_case_are_no_run_before(store: Path
     with rows_of(store, "cells", "before-*") as rows:
         for row in rows:
             row["case_version"] -= 1
-    found, _ = told(store, LIFTS)
+    found, _ = reported(store, LIFTS)
     assert (found.verdict, found.before_run) == ("there", "")
 
 
@@ -239,9 +239,9 @@ def test_a_size_beyond_what_its_known_difference_explains(store: Path) -> None:
         row.update(status="known-difference", finding=TENSION, known_size=share * row["abs_error"])
 
     of_rise(store, lambda row: declare(row, 1.01))
-    assert told(store, TENSION)[0].verdict == "there"
+    assert reported(store, TENSION)[0].verdict == "there"
     of_rise(store, lambda row: declare(row, 0.99))
-    found, answer = told(store, TENSION)
+    found, answer = reported(store, TENSION)
     assert (found.verdict, answer.exit_code) == ("larger", 1)
 
 
@@ -253,7 +253,7 @@ def test_a_cell_that_breaks_now(store: Path) -> None:
     for name in ("measurements", "headlines"):
         for file in store.glob(f"runs/{NEW}/{name}.parquet"):
             pq.write_table(pq.ParquetFile(file).read().slice(0, 0), file)
-    found, answer = told(store, LIFTS)
+    found, answer = reported(store, LIFTS)
     assert (found.verdict, answer.exit_code) == ("not-measured", 0)
     assert "stopped after 3 s" in found.reason
 
@@ -266,7 +266,7 @@ def test_a_number_that_was_changed_alone(store: Path, column: str) -> None:
         row[column] += 0.3 * (1.0 if column == "rel_error" else row["scale"])
 
     of_rise(store, forge)
-    found, _ = told(store, TENSION)
+    found, _ = reported(store, TENSION)
     assert found.verdict == "not-measured"
     assert "contradicts itself" in found.reason
 
@@ -275,7 +275,7 @@ def test_another_version_is_named(store: Path) -> None:
     with rows_of(store, "cells") as rows:
         for row in rows:
             row["engine_version"] = "9.9"
-    found, answer = told(store, LIFTS)
+    found, answer = reported(store, LIFTS)
     assert (found.verdict, answer.exit_code) == ("there", 0)
     assert "this is 9.9" in found.reason
 
@@ -299,7 +299,7 @@ def test_a_difference_that_no_finding_describes(store: Path, error: float, verdi
     if verdict is None:
         assert "mine/something" not in {each.id for each in evaluate(store, FINDINGS)}
         return
-    found, answer = told(store, "mine/something")
+    found, answer = reported(store, "mine/something")
     assert (found.verdict, answer.exit_code, found.what) == (verdict, int(verdict != "there"), "softness")
     assert found.size == pytest.approx(error / found.scale)
 
@@ -381,14 +381,14 @@ def test_an_engine_by_its_command_is_held_against_what_is_known_of_others(
     assert "walls with prescribed rotation" in rows["yade/first-order-turn"]["reason"]
 
 
-def test_what_is_wrong_with_a_package_s_findings_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_wrong_with_a_package_s_findings_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     """A module that cannot be read, and one that takes an id of ours, whose finding stays."""
     thief = ModuleType("thief")
     thief.FINDINGS = (replace(FINDINGS[0], what="mine"),)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "thief", thief)
     modules = {**finding._modules(), "thief": "acme", "nowhere.findings": "acme"}
     monkeypatch.setattr(finding, "_modules", lambda: modules)
-    found, wrong = finding._collected.__wrapped__()
+    found, wrong = finding._collect.__wrapped__()
     assert found == FINDINGS
     assert [FINDINGS[0].id in text or "nowhere.findings" in text for text in wrong] == [True, True]
 
@@ -418,7 +418,7 @@ def test_an_error_of_the_other_sign_is_another_finding(store: Path, sign: int, v
     assert lifts.size.sign == 1
     mine = replace(lifts, size=replace(lifts.size, sign=sign))  # type: ignore[arg-type]
     [found] = [each for each in evaluate(store, [mine]) if each.id == LIFTS]
-    assert (found.verdict, alike(mine, found, found.size)) == (verdict, word)
+    assert (found.verdict, shows_finding(mine, found, found.size)) == (verdict, word)
     assert ("other sign" in found.reason) == (sign == -1)
 
 
@@ -426,6 +426,6 @@ def test_yes_needs_a_size_that_shows_the_cause(store: Path) -> None:
     """Otherwise the size is similar, or another one where the finding's own engine differs by more than a factor of two."""
     [lifts] = [each for each in FINDINGS if each.id == LIFTS]
     [found] = [each for each in evaluate(store, [lifts]) if each.id == LIFTS]
-    assert alike(replace(lifts, cause_tested=True), found, math.nan) == "yes"
-    words = [alike(lifts, found, factor * found.size) for factor in (math.nan, 1.9, 2.1, 0.4)]
+    assert shows_finding(replace(lifts, cause_tested=True), found, math.nan) == "yes"
+    words = [shows_finding(lifts, found, factor * found.size) for factor in (math.nan, 1.9, 2.1, 0.4)]
     assert words == ["similar size", "similar size", "other size", "other size"]

@@ -46,7 +46,7 @@ def test_ids_and_exit_codes_stay() -> None:
 
 
 @pytest.mark.parametrize("word", TABLE)
-def test_a_status_has_words_of_its_own(word: str) -> None:
+def test_a_status_has_words_alone(word: str) -> None:
     status = TABLE[word]
     assert status.id == word
     assert len(status.symbol) == 1

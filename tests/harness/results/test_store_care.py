@@ -21,7 +21,7 @@ from ninedisk.harness.results.compare import resolve
 from ninedisk.harness.results.export import export_rows, read_export, write_export
 from ninedisk.harness.results.reader import read_run, read_table, run_ids
 from ninedisk.harness.results.schema import SCHEMA_VERSION
-from ninedisk.harness.results.store import Snapshot, listed, load_snapshots, merge, prune, to_prune
+from ninedisk.harness.results.store import Snapshot, list_folders, load_snapshots, merge, prune, prune_candidates
 
 
 @pytest.fixture(scope="session")
@@ -62,10 +62,10 @@ def test_a_newer_schema_is_refused_and_never_pruned(store: Path) -> None:
         NewerSchemaError, match=rf"schema {SCHEMA_VERSION + 1}.*up to {SCHEMA_VERSION}: upgrade ninedisk"
     ):
         load_snapshots(store)
-    assert [run.problem.partition(":")[0] for run in listed(store)[-1:]] == [
+    assert [run.problem.partition(":")[0] for run in list_folders(store)[-1:]] == [
         f"run {newest!r} was written with schema {SCHEMA_VERSION + 1}, this version reads up to {SCHEMA_VERSION}"
     ]
-    assert to_prune(store, unreadable=True) == []
+    assert prune_candidates(store, unreadable=True) == []
     assert len(resolve(run_ids(store)[0], store)) == 1, "another run may still be asked for by its name"
 
 
@@ -89,7 +89,7 @@ def test_too_old_a_schema_is_said_to_be_unreadable(store: Path) -> None:
     set_schema(store, first, records.OLDEST_SCHEMA - 1)
     with pytest.raises(StoreError, match="which is unreadable now"):
         read_run(store, first)
-    assert [each.path.name for each in to_prune(store, unreadable=True)] == [first]
+    assert [each.path.name for each in prune_candidates(store, unreadable=True)] == [first]
 
 
 def test_half_written_runs_are_never_read(store: Path) -> None:
@@ -98,7 +98,7 @@ def test_half_written_runs_are_never_read(store: Path) -> None:
     (store / "runs" / ids[1] / "run.json").unlink()
     assert run_ids(store) == ids[2:]
     assert [run.facts.run_id for run in load_snapshots(store)] == ids[2:]
-    assert [run.name for run in listed(store)[-2:]] == [f".tmp-{ids[0]}", ids[1]]
+    assert [run.name for run in list_folders(store)[-2:]] == [f".tmp-{ids[0]}", ids[1]]
     with pytest.raises(UsageError, match="names no run"):
         resolve(ids[1], store)
 
@@ -217,9 +217,9 @@ def test_prune(store: Path) -> None:
         folder.mkdir()
     day_ago = time.time() - 86500
     os.utime(stale, (day_ago, day_ago))
-    assert [each.path for each in to_prune(store)] == [stale], "a folder that may still be written to stays"
-    assert [each.path.name for each in to_prune(store, keep=4)] == [stale.name, *ids[:2]]
-    old = to_prune(store, before=datetime(2026, 1, 8, tzinfo=UTC))
+    assert [each.path for each in prune_candidates(store)] == [stale], "a folder that may still be written to stays"
+    assert [each.path.name for each in prune_candidates(store, keep=4)] == [stale.name, *ids[:2]]
+    old = prune_candidates(store, before=datetime(2026, 1, 8, tzinfo=UTC))
     assert [each.path.name for each in old] == [stale.name, *ids[:3]]
     assert run_ids(store) == ids
     prune(old)

@@ -77,7 +77,7 @@ def test_levels_below_round_off_are_left_out() -> None:
     assert judged([1e-13, -2e-13, 1e-13, 3e-13]).verdict == "exact"
 
 
-def test_another_limit_than_the_truths_is_told_and_held_against_the_tolerance() -> None:
+def test_another_limit_than_the_truths_is_reported_and_held_against_the_tolerance() -> None:
     inside = judged(powers(2.0, offset=3.0), tolerance=4.0)
     assert (inside.verdict, inside.by) == ("converges", "difference")
     assert "levels off" in inside.reason
@@ -148,7 +148,7 @@ def test_no_more_than_first_order_is_asked_where_contacts_begin_to_slip() -> Non
     assert {rows[name]["verdict"] for name in ("fn_right", "fs_right", "fs_up")} == {"converges"}
 
 
-def test_the_step_of_increments_is_compared_at_the_same_way() -> None:
+def test_the_step_of_increments_is_compared_at_the_same_displacement() -> None:
     rows = {row["quantity"]: row for row in converge("sliding/quasistatic", engine="cd", halvings=3)["rows"]}
     assert rows["x"]["verdict"] == "exact"
     assert rows["gap"]["order"] == pytest.approx(1.0, abs=1e-6)  # lift = mu times the increment

@@ -18,7 +18,7 @@ from ninedisk.harness.wire.external import ExternalEngine
 FAKE = Path(__file__).parents[1] / "wire" / "fake_engine.py"
 
 
-class Stranger(ExternalEngine):
+class ThirdPartyEngine(ExternalEngine):
     """An engine in a process of its own; how it behaves is its id."""
 
     time_limit = 3.0
@@ -65,7 +65,7 @@ def test_bad_engines_are_statuses_with_their_last_lines_and_the_others_finish(
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     modes = ["honest", *BAD, "honest"]
     # Without gravity uniform motion, all that the stranger knows, is the right answer.
-    results = run_cells([plan_case(fakes.CASE, Stranger(mode), {"a": 0.0}) for mode in modes])
+    results = run_cells([plan_case(fakes.CASE, ThirdPartyEngine(mode), {"a": 0.0}) for mode in modes])
     assert [result.status for result in results] == ["pass", *(status for status, _, _ in BAD.values()), "pass"]
     for result, (_, why, said) in zip(results[1:-1], BAD.values(), strict=True):
         assert why in result.reason, result.cell["engine"]

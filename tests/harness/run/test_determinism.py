@@ -14,7 +14,7 @@ from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.reader import read_determinism
 from ninedisk.harness.results.schema import DETERMINISM_COLUMNS, DETERMINISM_KINDS, worse_than_promised
-from ninedisk.harness.run.determinism import Edits, Trial, repeated
+from ninedisk.harness.run.determinism import Edits, Trial, measure_kind
 
 SPRING_DEM = Path(__file__).parents[3] / "docs" / "examples" / "spring_dem.py"
 
@@ -44,7 +44,7 @@ STOPS = [("dem.space.session", "SphereSession.load", ROW, f"{ROW}\nsession._stat
 )
 def test_a_planted_defect_is_found_by_its_repetition(edits: Edits, kind: str, verdict: str) -> None:
     scene = "spheres" if edits[0][0].startswith("dem.space.") else "pile"
-    row = repeated(Trial(get_engine("dem"), scene, edits), kind)
+    row = measure_kind(Trial(get_engine("dem"), scene, edits), kind)
     assert row["verdict"] == verdict, row
     assert worse_than_promised({"kind": kind, **row})
     assert (row["difference"] > row["allowance"]) == (verdict == "different")
@@ -54,8 +54,8 @@ def test_a_planted_defect_is_found_by_its_repetition(edits: Edits, kind: str, ve
 def test_our_engines_keep_their_promises() -> None:
     """Where the planted defects are found, and after a run that failed; bodies in another order stay far below the smallest of those."""
     dem, cd = (Trial(get_engine(name), "pile") for name in ("dem", "cd"))
-    found = {kind: repeated(dem, kind) for kind in ("scene", "bodies", "threads", "restart")} | {
-        "error": repeated(cd, "error")
+    found = {kind: measure_kind(dem, kind) for kind in ("scene", "bodies", "threads", "restart")} | {
+        "error": measure_kind(cd, "error")
     }
     assert {kind: row["verdict"] for kind, row in found.items()} == dict.fromkeys(found, "bitwise") | {
         "bodies": "round-off"
@@ -66,7 +66,7 @@ def test_our_engines_keep_their_promises() -> None:
 def test_spheres_are_kept_beside_the_disks(tmp_path: Path) -> None:
     """The DEM goes on from a checkpoint of spheres; rows of both kinds of scene are in one store, and findings tell them apart."""
     trial = Trial(get_engine("dem"), "spheres")
-    assert repeated(trial, "restart")["verdict"] == "bitwise"
+    assert measure_kind(trial, "restart")["verdict"] == "bitwise"
     row = dict.fromkeys(DETERMINISM_COLUMNS) | {
         "engine": "dem",
         "engine_name": "DEM",
@@ -95,7 +95,7 @@ def example(tmp_path: Path, edit: str) -> str:
     return f"{sys.executable} {path}"
 
 
-def test_the_command_tells_names_and_stores_what_differs(tmp_path: Path) -> None:
+def test_the_command_reports_names_and_stores_what_differs(tmp_path: Path) -> None:
     """An engine behind a command that starts at random, never twice alike; one run a process, no threads, no restart."""
     edit = "import random; request['scene']['disks']['v'][0][0] *= 1.0 + 1e-7 * random.SystemRandom().random()"
     command = example(tmp_path, edit)

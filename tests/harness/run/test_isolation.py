@@ -168,8 +168,8 @@ if __name__ == "__main__":
 def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dies: Callable[[int], bool]
 ) -> None:
-    nurseries: dict[tuple[str, ...], isolation.Nursery] = {}
-    monkeypatch.setattr(isolation, "_nurseries", nurseries)
+    fork_servers: dict[tuple[str, ...], isolation.ForkServer] = {}
+    monkeypatch.setattr(isolation, "_fork_servers", fork_servers)
     driver = tmp_path / "driver.py"
     driver.write_text(DRIVER)
 
@@ -192,7 +192,7 @@ def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
 
     try:
         first = run("first")
-        (nursery,) = nurseries.values()
+        (fork_server,) = fork_servers.values()
         assert first["by"] != first["pid"]
         assert run("second", "time.sleep(0.01)")["by"] == first["by"]
         with pytest.raises(EngineError, match=r"ended with status 3 .*its last output:\nword of it$"):
@@ -209,11 +209,11 @@ def test_a_driver_runs_in_copies_of_what_has_loaded_its_imports(
             run("sixth")
         driver.write_text(DRIVER)
         assert run("seventh")["by"] == first["by"]
-        assert list(nurseries.values()) == [nursery]
+        assert list(fork_servers.values()) == [fork_server]
         # One that has died is replaced by a plain start, then by another.
         os.kill(int(str(first["by"])), signal.SIGKILL)
         assert run("eighth")["by"] is None
         assert run("ninth")["by"] not in (None, first["by"])
     finally:
-        for each in nurseries.values():
+        for each in fork_servers.values():
             each.end()

@@ -14,11 +14,11 @@ from typer.testing import CliRunner
 
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.reader import read_about, read_run, run_ids
-from ninedisk.harness.results.store import STALE_SECONDS, to_prune
+from ninedisk.harness.results.store import STALE_SECONDS, prune_candidates
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run import journal as module
 from ninedisk.harness.run import workers
-from ninedisk.harness.run.journal import KEPT, Journal, cell_digest, journals, packed, unpacked
+from ninedisk.harness.run.journal import KEPT, Journal, cell_digest, journals, packed_result, unpacked_result
 from ninedisk.harness.run.plan import Cell, plan_matrix
 from ninedisk.harness.run.workers import run_cells
 
@@ -32,8 +32,8 @@ def cells(fakes: object, here: Path) -> list[Cell]:  # noqa: ARG001
     return plan_matrix(["fake/fall", "fake/spin"], ["fake-good", "fake-wrong", "fake-bug"], {})
 
 
-def begin(cells: list[Cell], run: bytes = b"r" * 32, *, resume: bool = True) -> Journal:
-    return Journal.begin(Path("results"), cells, run, resume=resume, tell=silent)
+def start(cells: list[Cell], run: bytes = b"r" * 32, *, resume: bool = True) -> Journal:
+    return Journal.start(Path("results"), cells, run, resume=resume, notify=silent)
 
 
 def test_a_result_comes_back_bit_by_bit(bits: Callable[[CaseResult], bytes]) -> None:
@@ -45,11 +45,11 @@ def test_a_result_comes_back_bit_by_bit(bits: Callable[[CaseResult], bytes]) -> 
         "rel_error": 1.0 + 2.0**-52,
         "reason": "\udcff \u00e9",
     }
-    back = unpacked(packed(result), cell)
+    back = unpacked_result(packed_result(result), cell)
     assert bits(back) == bits(replace(result, history=None))
     assert back.headlines == result.headlines
     same = replace(result, rows=[{"x": np.float64(0.1), "k": np.int64(3), "is": np.bool_(True)}])
-    assert unpacked(packed(same), cell).rows == [{"x": 0.1, "k": 3, "is": True}]
+    assert unpacked_result(packed_result(same), cell).rows == [{"x": 0.1, "k": 3, "is": True}]
     assert result.observed is not None
     assert back.observed is not None
     for name, (unit, values) in result.observed.series.items():
@@ -58,18 +58,18 @@ def test_a_result_comes_back_bit_by_bit(bits: Callable[[CaseResult], bytes]) -> 
     assert back.observed.scalars == result.observed.scalars
     assert back.setup is cell.setup
     with pytest.raises(TypeError, match="a PosixPath is not kept"):
-        packed(replace(result, rows=[{"x": Path()}]))
+        packed_result(replace(result, rows=[{"x": Path()}]))
 
 
 def test_finished_cells_are_kept_and_failed_ones_are_not(cells: list[Cell]) -> None:
-    first = begin(cells, resume=False)
+    first = start(cells, resume=False)
     assert first.notes == []
     results = run_cells(cells, keep=first.keep)
     failed = [number for number, result in enumerate(results) if result.status == "error"]
     assert 0 < len(failed) < len(cells)
-    assert begin(cells).kept == {}  # the first run still goes on
-    first.left()
-    again = begin(cells)
+    assert start(cells).kept == {}  # the first run still goes on
+    first.close_unfinished()
+    again = start(cells)
     assert sorted(again.kept) == [number for number in range(len(cells)) if number not in failed]
     kept = len(cells) - len(failed)
     assert again.notes == [f"resumed: {kept} of {len(cells)} cells are kept of an interrupted run"]
@@ -78,12 +78,12 @@ def test_finished_cells_are_kept_and_failed_ones_are_not(cells: list[Cell]) -> N
 
 
 def test_a_run_that_is_not_resumed_says_what_is_kept(cells: list[Cell]) -> None:
-    first = begin(cells, resume=False)
+    first = start(cells, resume=False)
     run_cells(cells[:2], keep=first.keep)
-    said = first.left()
+    said = first.close_unfinished()
     assert said.startswith(f"interrupted: 2 of {len(cells)} cells are kept in results/interrupted/")
     assert said.endswith("the same command with --resume runs the others")
-    second = begin(cells, resume=False)
+    second = start(cells, resume=False)
     assert second.notes == [f"note: an interrupted run with 2 of {len(cells)} cells is kept: --resume continues it"]
     assert second.kept == {}
     second.done()  # it has had all cells of the first
@@ -91,33 +91,33 @@ def test_a_run_that_is_not_resumed_says_what_is_kept(cells: list[Cell]) -> None:
 
 
 def test_nothing_to_resume(cells: list[Cell]) -> None:
-    assert begin(cells).notes == ["note: nothing to resume, no interrupted run is kept: every cell runs"]
-    first = begin(cells, resume=False)
-    assert first.left() == "interrupted: nothing was stored"
+    assert start(cells).notes == ["note: nothing to resume, no interrupted run is kept: every cell runs"]
+    first = start(cells, resume=False)
+    assert first.close_unfinished() == "interrupted: nothing was stored"
     run_cells(cells[:1], keep=first.keep)
-    first.left()
-    other = begin(cells, run=b"q" * 32)
+    first.close_unfinished()
+    other = start(cells, run=b"q" * 32)
     assert (other.kept, len(journals(Path("results")))) == ({}, 1)
     assert "what is kept is of other code, versions, cells or jobs" in other.notes[0]
 
 
 @pytest.mark.parametrize("cut", [1, 40, 200, -1])
 def test_a_torn_or_damaged_record_is_run_again(cells: list[Cell], cut: int) -> None:
-    first = begin(cells, resume=False)
+    first = start(cells, resume=False)
     run_cells(cells[:2], keep=first.keep)
-    first.left()
+    first.close_unfinished()
     (path,) = journals(Path("results"))
     data = path.read_bytes()
     if cut > 0:
         path.write_bytes(data[:-cut])
     else:
         path.write_bytes(data[:-9] + bytes([data[-9] ^ 1]) + data[-8:])
-    second = begin(cells)
+    second = start(cells)
     assert sorted(second.kept) == [0]
     assert ("1 more are damaged" in second.notes[0]) is (cut < 0)
     run_cells(cells[:2], kept=second.kept, keep=second.keep)
-    second.left()
-    assert sorted(begin(cells).kept) == [0, 1]
+    second.close_unfinished()
+    assert sorted(start(cells).kept) == [0, 1]
 
 
 @pytest.mark.parametrize("content", [b"", b"nothing of ours", bytes(400), b"\xff" * 400])
@@ -125,35 +125,35 @@ def test_a_file_that_is_no_journal_is_ignored(cells: list[Cell], content: bytes)
     path = Path("results/interrupted/20260101T000000Z-abcdef.journal")
     path.parent.mkdir(parents=True)
     path.write_bytes(content)
-    journal = begin(cells)
+    journal = start(cells)
     assert journal.kept == {}
     assert journal.notes[0].startswith(f"note: {path} is damaged and ignored: ")
 
 
 def test_cells_of_other_runs_stay_kept(cells: list[Cell]) -> None:
     """A run of two cells takes its own of a larger one, which stays for the others."""
-    first = begin(cells, resume=False)
+    first = start(cells, resume=False)
     run_cells(cells[:4], keep=first.keep)
-    first.left()
-    small = begin(cells[:2])
+    first.close_unfinished()
+    small = start(cells[:2])
     assert sorted(small.kept) == [0, 1]
     assert len(journals(Path("results"))) == 2
     small.done()
     assert len(journals(Path("results"))) == 1
-    assert len(begin(cells).kept) >= 3
+    assert len(start(cells).kept) >= 3
 
 
 def test_old_journals_go(cells: list[Cell], monkeypatch: pytest.MonkeyPatch) -> None:
     for _ in range(KEPT + 2):
-        each = begin(cells, resume=False)
+        each = start(cells, resume=False)
         run_cells(cells[:1], keep=each.keep)
-        each.left()
-    begin(cells, resume=False)
+        each.close_unfinished()
+    start(cells, resume=False)
     assert len(journals(Path("results"))) == KEPT
-    assert to_prune(Path("results")) == []
+    assert prune_candidates(Path("results")) == []
     late = module.time.time() + 2.0 * STALE_SECONDS
     monkeypatch.setattr("ninedisk.harness.results.store.time.time", lambda: late)
-    assert {each.reason for each in to_prune(Path("results"))} == {"interrupted run, untouched for a day"}
+    assert {each.reason for each in prune_candidates(Path("results"))} == {"interrupted run, untouched for a day"}
     done = CliRunner().invoke(app, ["prune", "--yes"])
     assert (done.exit_code, journals(Path("results"))) == (0, [])
 
@@ -163,7 +163,7 @@ def test_a_disk_that_is_full_ends_no_run(cells: list[Cell], monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     said: list[str] = []
-    journal = Journal.begin(Path("results"), cells, b"r" * 32, resume=False, tell=said.append)
+    journal = Journal.start(Path("results"), cells, b"r" * 32, resume=False, notify=said.append)
     monkeypatch.setattr(Journal, "_append", full)
     assert len(run_cells(cells, keep=journal.keep)) == len(cells)
     assert said == ["note: cells are no longer kept for --resume: No space left on device"]

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from ninedisk.harness.api.errors import StoreError
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.reader import read_about, read_run, run_ids
-from ninedisk.harness.results.store import unfinished
+from ninedisk.harness.results.store import unfinished_folders
 from ninedisk.harness.run.journal import journals
 
 QUICK = ["pymunk"]
@@ -64,7 +64,7 @@ def kill(process: subprocess.Popen[bytes]) -> None:
 
 def kill_while_writing(process: subprocess.Popen[bytes], store: Path, delay: float) -> None:
     """Kill ``delay`` seconds after the folder of the new run appears, or when the process ends on its own."""
-    known = set(unfinished(store)) | set((store / "runs").glob("*"))
+    known = set(unfinished_folders(store)) | set((store / "runs").glob("*"))
     end = time.monotonic() + 120.0
     while time.monotonic() < end and process.poll() is None:
         if set((store / "runs").glob(".tmp-2*")) - known:
@@ -117,7 +117,7 @@ def test_fifty_kills(tmp_path: Path) -> None:
     store = tmp_path / "results"
     before, after = killed_and_run_again(store, ALL, 50, seed=2)
     assert after == before + 1
-    assert len(unfinished(store)) >= 5, "hardly a kill struck while a run was being written"
+    assert len(unfinished_folders(store)) >= 5, "hardly a kill struck while a run was being written"
     result = CliRunner().invoke(app, ["prune", "--keep", "1", "--yes", "--store", str(store)])
     assert result.exit_code == 0, result.output
     assert check(store, ALL) == 1

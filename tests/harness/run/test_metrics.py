@@ -184,7 +184,7 @@ def test_zero_truth_has_no_relative_error() -> None:
     assert found.scale == 0.0
 
 
-def test_uncertainty_is_told_but_not_added() -> None:
+def test_uncertainty_is_reported_but_not_added() -> None:
     status, reason = verdict(check(2.5, number=True, atol=0.1, uncertainty=1.0), observed())
     assert status == "fail"
     assert "uncertain by 1" in reason

@@ -16,10 +16,10 @@ from ninedisk.harness.api.registry import case_table, get_case
 from ninedisk.harness.run.plan import Cell, plan_case
 from ninedisk.harness.run.precision import BLIND, in_single_precision
 from ninedisk.harness.run.runner import run_cell
-from ninedisk.harness.selftest.gallery import GALLERY
+from ninedisk.harness.selftest.mutants import MUTANTS
 from ninedisk.harness.selftest.panel import panel_cells
 from ninedisk.harness.selftest.rounded import ROUNDED, Rounded
-from ninedisk.harness.selftest.run import EngineWithResult, outcomes, reported
+from ninedisk.harness.selftest.run import EngineWithResult, altered_report, outcomes
 
 
 def failures(cell: Cell) -> list[str]:
@@ -85,7 +85,7 @@ BELOW_ROUNDING = {
 
 WITNESSED = [
     each
-    for each in GALLERY
+    for each in MUTANTS
     if not each.hole and (each.engine in ("impulse", "soft") or (each.engine == "dem" and each.kind != "kernel"))
 ]
 
@@ -97,7 +97,7 @@ def test_a_wrong_engine_is_caught_in_single_precision(defect: Any) -> None:
     [cell] = panel_cells(defect.engine, [defect.witness])
     assert not isinstance(cell.engine, Exception)
     [found] = outcomes(defect, [cell])
-    outcome = reported(defect, found)
+    outcome = altered_report(defect, found)
     if isinstance(outcome, EngineError):
         pytest.skip("it ends without an answer")
     with np.errstate(all="ignore"):

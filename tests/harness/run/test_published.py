@@ -181,7 +181,7 @@ def test_mistakes_of_a_curve_are_found_before_the_run(tmp_path: Path, change: di
         check_folder(digitise(tmp_path / "mine", **change), cells)  # type: ignore[arg-type]
 
 
-def test_a_curve_that_nothing_matches_is_told(tmp_path: Path) -> None:
+def test_a_curve_that_nothing_matches_is_reported(tmp_path: Path) -> None:
     cells = plan_matrix(["fake/fall"], ["fake-good"], {})
     assert check_folder(digitise(tmp_path / "mine"), cells) == []
     (note,) = check_folder(digitise(tmp_path / "other", a=77.0), cells)

@@ -43,7 +43,7 @@ def test_the_command_of_each_variant_runs_that_one_alone(case_id: str) -> None:
         assert (again.name, again.variant.params) == (cell.name, cell.variant.params)
 
 
-def test_options_that_are_texts_are_told_as_they_are() -> None:
+def test_options_that_are_texts_are_reported_as_they_are() -> None:
     cell = plan_case("binary-collision", "cd", {"kind": "plastic"}, {"cd.save_failed": "some/folder/x y.npz"})
     (again,) = planned(run_command(cell))
     assert not isinstance(again.setup, Exception)

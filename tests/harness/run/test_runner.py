@@ -67,7 +67,7 @@ def test_every_behaviour_is_a_status(behaviour: str, status: str, said: str) -> 
         assert result.rows[0]["quantity"] == ""
 
 
-def test_a_cell_tells_what_was_asked_and_what_is_declared() -> None:
+def test_a_cell_reports_what_was_asked_and_what_is_declared() -> None:
     """Springs that regularise a rigid contact ask for both ways to express it, of which an engine has one."""
     cell = run_case("binary-collision", engine="pymunk").cell
     asked, declared = set(json.loads(cell["asked"])), set(json.loads(cell["capabilities"]))
@@ -263,7 +263,7 @@ def test_an_engine_that_is_late_now_and_then_is_not_given_up() -> None:
     (unable,) = (run_cell(cell) for cell in plan_matrix(["fake/fall"], ["fake-incapable"], {"a": 1}))
     (cell,) = plan_matrix(["fake/fall"], ["fake-timeout"], {"a": 1})
     for result in (late, late, good, late, unable, late):
-        patience.saw(cell, result)
+        patience.record_outcome(cell, result)
         assert not patience.given_up(cell)
-    patience.saw(cell, late)
+    patience.record_outcome(cell, late)
     assert patience.given_up(cell)

@@ -16,7 +16,7 @@ import pytest
 
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit, StaleEditError, by_module, edited, plant
-from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
+from ninedisk.harness.selftest.mutants import CLEAN, MUTANTS
 
 SOURCE = '''
 """A module."""
@@ -95,7 +95,7 @@ def test_an_edit_changes_one_place(function: str, old: str, new: str, was: str, 
         ("force", "", "return 1.0", "there is nothing to replace"),
     ],
 )
-def test_what_does_not_fit_once_is_told(function: str, old: str, new: str, said: str) -> None:
+def test_what_does_not_fit_once_is_reported(function: str, old: str, new: str, said: str) -> None:
     with pytest.raises(StaleEditError, match=rf"went stale: in ninedisk\.core\.dem\.plane\.force_kernels.*{said}"):
         result(function, old, new)
 
@@ -229,7 +229,7 @@ def with_other_names(source: str, function: str, names: set[str]) -> str:
     return ast.unparse(tree)
 
 
-EDITED = [defect for defect in (*CLEAN, *GALLERY) if defect.edits]
+EDITED = [defect for defect in (*CLEAN, *MUTANTS) if defect.edits]
 
 
 @pytest.mark.parametrize("defect", EDITED, ids=lambda defect: defect.id)

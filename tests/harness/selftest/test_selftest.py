@@ -16,12 +16,12 @@ from typer.testing import CliRunner, Result
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
-from ninedisk.harness.selftest import gallery
+from ninedisk.harness.selftest import mutants
 from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit
-from ninedisk.harness.selftest.gallery import CLEAN, GALLERY
-from ninedisk.harness.selftest.run import MOVED, fine, headline_moves, looks_right, run_selftest
+from ninedisk.harness.selftest.mutants import CLEAN, MUTANTS
+from ninedisk.harness.selftest.run import MOVED, headline_moves, headlines_agree, is_as_expected, run_selftest
 
 SPRING = ("dem.plane.force_kernels", "normal_force", "(kn - cohesion) * overlap")
 HARMLESS = Defect(
@@ -88,8 +88,8 @@ pytestmark = pytest.mark.usefixtures("here")
 
 
 @pytest.fixture
-def own_gallery(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gallery, "GALLERY", (HARMLESS, CAUGHT, STALE, CRASH, HOLE, CLOSED))
+def own_mutants(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mutants, "MUTANTS", (HARMLESS, CAUGHT, STALE, CRASH, HOLE, CLOSED))
 
 
 def ninedisk(*arguments: str) -> Result:
@@ -100,8 +100,8 @@ def by_id(rows: list[Row]) -> dict[str, Row]:
     return {row["defect"]: row for row in rows}
 
 
-@pytest.mark.usefixtures("own_gallery")
-def test_a_caught_defect_is_fine_a_known_hole_is_excused_and_a_closed_one_is_told(here: Path) -> None:
+@pytest.mark.usefixtures("own_mutants")
+def test_a_caught_defect_is_fine_a_known_hole_is_excused_and_a_closed_one_is_reported(here: Path) -> None:
     names = ("--only", "planted", "--only", "hole", "--only", "closed")
     done = ninedisk(*names, "--quick", "--json", "rows.json", "--html", "page.html")
     assert done.exit_code == 0, done.output
@@ -118,8 +118,8 @@ def test_a_caught_defect_is_fine_a_known_hole_is_excused_and_a_closed_one_is_tol
     assert "All 1 defects are caught" in (here / "page.html").read_text()
 
 
-@pytest.mark.usefixtures("own_gallery")
-def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_told(here: Path) -> None:
+@pytest.mark.usefixtures("own_mutants")
+def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_reported(here: Path) -> None:
     done = ninedisk("--only", "harmless", "--only", "crash", "--quick", "--html", "page.html")
     assert done.exit_code == 1, done.output
     assert "missed: dem/harmless" in done.output
@@ -127,7 +127,7 @@ def test_a_defect_that_nothing_catches_and_an_engine_that_dies_are_told(here: Pa
     assert "go unnoticed:</b> dem/harmless" in (here / "page.html").read_text()
 
 
-@pytest.mark.usefixtures("own_gallery")
+@pytest.mark.usefixtures("own_mutants")
 def test_a_stale_defect_ends_it_before_anything_runs(here: Path) -> None:
     done = ninedisk("--json", "rows.json")
     assert done.exit_code == 3
@@ -139,8 +139,8 @@ def test_a_wrong_engine_in_the_place_of_the_right_one_fails(monkeypatch: pytest.
     fake = Defect(name="unchanged", engine="dem", kind="clean", what="not so", edits=CAUGHT.edits)
     monkeypatch.setattr("ninedisk.harness.selftest.run.CLEAN", (fake,))
     rows = by_id(run_selftest([CAUGHT], quick=True))
-    assert not fine(rows["dem/unchanged"])
-    assert fine(rows["dem/planted"])
+    assert not is_as_expected(rows["dem/unchanged"])
+    assert is_as_expected(rows["dem/planted"])
 
 
 @pytest.mark.parametrize(
@@ -171,21 +171,21 @@ def test_help_and_list_teach() -> None:
     assert "dem/" not in listed.output
 
 
-def test_lies_are_told_under_both_declarations_and_a_refused_report_is_caught() -> None:
+def test_faulty_answers_are_given_under_both_declarations_and_a_refused_report_is_caught() -> None:
     rows = by_id(
-        run_selftest([d for d in GALLERY if d.name in ("no-time", "mass-more", "velocities-late")], quick=True)
+        run_selftest([d for d in MUTANTS if d.name in ("no-time", "mass-more", "velocities-late")], quick=True)
     )
     assert set(rows) == {
         f"{engine}/{name}" for engine in DECLARED for name in ("unchanged", "no-time", "mass-more", "velocities-late")
     }
-    assert all(fine(row) for row in rows.values())
+    assert all(is_as_expected(row) for row in rows.values())
     assert all("timings.advance = 0 s for" in rows[f"{engine}/no-time"]["errors"][0] for engine in DECLARED)
 
 
-def test_as_many_lies_under_each_declaration() -> None:
-    told = {engine: [d.name for d in GALLERY if d.engine == engine] for engine in DECLARED}
-    assert told["impulse"] == told["soft"]
-    assert len(told["soft"]) >= 27
+def test_as_many_faulty_answers_under_each_declaration() -> None:
+    printed = {engine: [d.name for d in MUTANTS if d.engine == engine] for engine in DECLARED}
+    assert printed["impulse"] == printed["soft"]
+    assert len(printed["soft"]) >= 27
 
 
 def test_a_headline_moves_where_it_is_off_by_more_than_round_off_or_loses_its_number() -> None:
@@ -205,22 +205,22 @@ def test_a_headline_moves_where_it_is_off_by_more_than_round_off_or_loses_its_nu
         "headlines": {"slip-to-roll": 0.0, "spinning-disk": 0.1},
         "checks": ["slip-to-roll[mu=0.3] vx (analytic)", "spinning-disk[mu=0.3] vx (analytic)"],
     }
-    assert looks_right(row) == ["slip-to-roll"]
+    assert headlines_agree(row) == ["slip-to-roll"]
     reported = {"by_case": {"contact/reopening": 1}, "headlines": {"contact/reopening": 0.0}}
-    assert looks_right(reported | {"checks": ["contact/reopening[pair=wall] angle_first (exact-step)"]}) == []
+    assert headlines_agree(reported | {"checks": ["contact/reopening[pair=wall] angle_first (exact-step)"]}) == []
     both = ["contact/reopening[pair=wall] angle_first (exact-step)", "contact/reopening[pair=wall] fn (exact-step)"]
-    assert looks_right(reported | {"checks": both}) == ["contact/reopening"]
+    assert headlines_agree(reported | {"checks": both}) == ["contact/reopening"]
 
 
 @pytest.mark.slow
 def test_every_defect_is_caught_by_its_witness() -> None:
-    rows = run_selftest(GALLERY, quick=True, jobs=os.cpu_count() or 1)
-    assert len(rows) == len(GALLERY) + len(CLEAN)
-    assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not fine(row)} == {}
+    rows = run_selftest(MUTANTS, quick=True, jobs=os.cpu_count() or 1)
+    assert len(rows) == len(MUTANTS) + len(CLEAN)
+    assert {row["defect"]: row["errors"] or row["checks"] for row in rows if not is_as_expected(row)} == {}
     assert [row["defect"] for row in rows if row["hole"] and row["caught"]] == []
     # What a check catches on its witness moves a headline of the case, or the case says why not.
     wrong = [row for row in rows if row["kind"] != "clean"]
-    assert {row["defect"]: cases for row in wrong if (cases := looks_right(row))} == {}
+    assert {row["defect"]: cases for row in wrong if (cases := headlines_agree(row))} == {}
 
 
 def test_the_tests_that_see_what_no_case_can_are_there() -> None:
@@ -232,7 +232,7 @@ def test_the_tests_that_see_what_no_case_can_are_there() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SEEN_BY)
 def test_what_no_case_can_see_is_seen_by_a_test_of_the_core(name: str) -> None:
-    (defect,) = [defect for defect in GALLERY if defect.id == name]
+    (defect,) = [defect for defect in MUTANTS if defect.id == name]
     assert "tests of the core look there" in defect.hole
 
     def ended(edits: Sequence[Edit]) -> str:
@@ -248,4 +248,4 @@ def test_what_no_case_can_see_is_seen_by_a_test_of_the_core(name: str) -> None:
 
 
 def test_every_hole_that_a_test_of_the_core_fills_names_it() -> None:
-    assert {defect.id for defect in GALLERY if "tests of the core" in defect.hole} == set(SEEN_BY)
+    assert {defect.id for defect in MUTANTS if "tests of the core" in defect.hole} == set(SEEN_BY)

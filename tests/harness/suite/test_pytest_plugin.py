@@ -65,7 +65,7 @@ def test_selection_by_name(suite: pytest.Pytester) -> None:
     done.assert_outcomes(passed=2, deselected=10)
 
 
-def test_a_failure_tells_everything(suite: pytest.Pytester) -> None:
+def test_a_failure_reports_everything(suite: pytest.Pytester) -> None:
     done = run(suite, *FALL, "--engine", "fake-wrong", "-k", "x-analytic")
     done.assert_outcomes(failed=2, deselected=4)
     done.stdout.fnmatch_lines(
@@ -180,7 +180,7 @@ def test_a_file_of_gaps_that_is_wrong(suite: pytest.Pytester, text: str, said: s
     assert any(said in line for line in [*done.outlines, *done.errlines])
 
 
-def test_brackets_of_an_id_stand_for_themselves() -> None:
+def test_brackets_of_an_id_represent_themselves() -> None:
     assert matches("case[mu=0.3,*]", "case[mu=0.3,dt=0.1]")
     assert not matches("case[mu]", "casem")
     gap = KnownGap(id="case", quantity="f?", reason="r")

@@ -102,7 +102,7 @@ def test_a_cell_that_changed_runs(store: Path, cells: list[Cell], change: Callab
 
 
 @pytest.mark.usefixtures("fakes")
-def test_strangers_cells_run(tmp_path: Path) -> None:
+def test_third_party_cells_run(tmp_path: Path) -> None:
     cells = plan_matrix(["fake/fall"], ["fake-good"], {})
     write(tmp_path, "20260101T000000Z-aaaaaa", cells)
     assert open_store(tmp_path).find(cells[0]) is None

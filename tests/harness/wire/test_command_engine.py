@@ -42,7 +42,7 @@ def test_a_good_engine_is_measured() -> None:
 
 
 @pytest.mark.parametrize("mode", ["answer-file", "npz", "escape"])
-def test_other_ways_to_answer(mode: str) -> None:
+def test_other_answers(mode: str) -> None:
     result = run(mode)
     assert result.status == "fail", result.reason
     assert result.history is not None

@@ -30,7 +30,7 @@ def command(*words: object) -> list[str]:
     return ["--engine-cmd", shlex.join([sys.executable, *map(str, words)])]
 
 
-def test_check_engine_tells_how_to_see_what_fails(tmp_path: Path) -> None:
+def test_check_engine_reports_how_to_see_what_fails(tmp_path: Path) -> None:
     """The engine lets every disk fly on: what it says of gravity, which it does not declare, is refused, of impacts it is found out."""
     wrong = tmp_path / "an engine.py"
     wrong.write_text(BAD.read_text().replace('"restitution"]', '"restitution", "gravity"]'))
@@ -76,7 +76,7 @@ def test_bench_flow() -> None:
     from ninedisk.core import packings
     from ninedisk.harness.api.registry import get_engine
 
-    scene = flow.apart(packings.drum(12, turns_per_second=0.0))
+    scene = flow.without_contacts(packings.drum(12, turns_per_second=0.0))
     problem = FlowProblem(name="fall-12", scene=scene, steps=8)
     engines = {"cd": get_engine("cd")} | {
         each.id: each for each in (CommandEngine(command(SPRINGS)[1]), CommandEngine(command(BAD, "good")[1]))
@@ -86,7 +86,7 @@ def test_bench_flow() -> None:
         for each in flow.entries(lambda _: False, ["spring-dem", "bad"])
         if each.name in (flow.BASE, "spring-dem", "bad")
     ]
-    (rows,) = flow.run_problem(lambda: problem, chosen, engines, repeats=1, time_limit=60.0, tell=lambda _: None)
+    (rows,) = flow.run_problem(lambda: problem, chosen, engines, repeats=1, time_limit=60.0, notify=lambda _: None)
     ours, springs, bad = rows
     assert (ours["status"], springs["status"], bad["status"]) == ("pass", "pass", "unsupported"), rows
     assert springs["median_s"] > 0.0

@@ -345,7 +345,7 @@ def test_a_description_is_read_as_its_schema_says() -> None:
             read_description(json.dumps({k: v for k, v in ABOUT.items() if k != key}), how_it_runs="x")
 
 
-def told_by(info: EngineInfo) -> dict[str, Any]:
+def reported_by(info: EngineInfo) -> dict[str, Any]:
     """The description of an engine in the words of the wire: every field that is not as the field has it by default."""
     told: dict[str, Any] = {"wire_version": 1}
     for each in fields(EngineInfo):
@@ -369,7 +369,7 @@ def told_by(info: EngineInfo) -> dict[str, Any]:
 @pytest.mark.parametrize("engine_id", list(engine_table()))
 def test_a_command_can_say_whatever_a_built_in_engine_says(engine_id: str) -> None:
     info = replace(get_engine(engine_id).info(), version="1")
-    found = read_description(json.dumps(told_by(info)), how_it_runs=info.how_it_runs).info
+    found = read_description(json.dumps(reported_by(info)), how_it_runs=info.how_it_runs).info
     # The wire says that an engine differs, not why.
     differences = {each: str(each) for each in info.differences}
     assert found == replace(info, not_installed_because="", reference=False, differences=differences)

@@ -41,8 +41,8 @@ def test_every_step_keeps_momentum_and_its_gaps(restitution):
     found = chain_theta(gaps=(0.013, 0.002, 0.03), speed=1.0, dt=0.01, theta=0.6, restitution=restitution, n_steps=40)
     np.testing.assert_allclose(found.v.sum(axis=1), 1.0, rtol=1e-13)
     assert np.all(np.diff((found.v**2).sum(axis=1)) <= 1e-13)
-    way = 0.01 * (0.6 * found.v[1:] + 0.4 * found.v[:-1])
-    np.testing.assert_allclose(np.diff(found.gap, axis=0), np.diff(way, axis=1), atol=1e-15)
+    path = 0.01 * (0.6 * found.v[1:] + 0.4 * found.v[:-1])
+    np.testing.assert_allclose(np.diff(found.gap, axis=0), np.diff(path, axis=1), atol=1e-15)
     assert restitution is not None or found.gap.min() > -1e-13
 
 

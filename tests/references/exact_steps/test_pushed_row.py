@@ -47,6 +47,6 @@ def test_orders_of_convergence(scheme, order):
 
 def test_it_settles_where_statics_says():
     rest = chain_theta(**CHAIN, xi=300.0, dt=1e-4, n_load=100, n_steps=4000, theta=1.0)[-1]
-    assert rest == pytest.approx(static_force(n=5, kn=1e6, way=1e-4), rel=1e-9)
+    assert rest == pytest.approx(static_force(n=5, kn=1e6, path=1e-4), rel=1e-9)
     with pytest.raises(ValueError, match="theta"):
         chain_theta(**CHAIN, xi=0.0, dt=1e-4, n_load=1, n_steps=1, theta=0.4)

@@ -29,10 +29,12 @@ def test_the_oscillation_obeys_its_recurrence():
 
 def astray(steps, cycles, slip_at):
     """Drift of fs/ks per cycle against the place on the path that is reached."""
-    way = oscillation_central(frequency=FREQUENCY, speed=AMPLITUDE * FREQUENCY, dt=1.0 / steps, n_steps=cycles * steps)
-    d = np.column_stack([AHEAD - way, np.full_like(way, ASIDE)])
+    shift = oscillation_central(
+        frequency=FREQUENCY, speed=AMPLITUDE * FREQUENCY, dt=1.0 / steps, n_steps=cycles * steps
+    )
+    d = np.column_stack([AHEAD - shift, np.full_like(shift, ASIDE)])
     shear = pair_shear(d, slip_at=slip_at)
-    return (shear - passing_shear(way, ahead=AHEAD, aside=ASIDE))[-1] / cycles
+    return (shear - passing_shear(shift, ahead=AHEAD, aside=ASIDE))[-1] / cycles
 
 
 def test_the_end_drifts_to_first_order_and_linearly_in_cycles():
@@ -43,7 +45,7 @@ def test_the_end_drifts_to_first_order_and_linearly_in_cycles():
 
 
 def test_the_middle_drifts_to_fourth_order():
-    """Each step's midpoint rule errs by ``(way' dt)^2/24`` times the way's second derivative, with a sign that is turned on the way back.
+    """Each step's midpoint rule errs by ``(shift' dt)^2/24`` times the way's second derivative, with a sign that is turned on the way back.
 
     What is left of the sum at the end of a cycle is that of the place where the scheme, whose period is longer by ``(w dt)^2/24`` of
     itself, is by then: the product of two terms of second order.
@@ -74,7 +76,7 @@ def test_steps_on_a_turning_wall(mid):
         assert np.abs(middle[: half + 1] - exact).max() < 0.03 * 0.07**2 / half**2
         assert np.abs(middle[:: 2 * half]).max() < 1e-17
         end = turning_wall_steps(half=half, cycles=3, mid_overlap=mid, slip_at="end", **WALL)
-        drift = turning_wall_drift(way=0.03, angle=0.07, period=1.0, dt=0.5 / half, mid_overlap=mid)
+        drift = turning_wall_drift(path=0.03, angle=0.07, period=1.0, dt=0.5 / half, mid_overlap=mid)
         assert end[:: 2 * half] == pytest.approx(drift * np.arange(4), rel=1e-9, abs=1e-15)
 
 

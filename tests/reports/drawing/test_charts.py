@@ -71,15 +71,15 @@ def group(tmp_path, write, small):
                 runs_away = quantity == "x" and engine == "b" and k == 4
                 truth = "exact-step" if quantity == "z" and engine == "b" else "analytic"
                 expected = value * k if quantity in "xz" else 0.0
-                told = {"quantity": quantity, "unit": unit, "truth": truth, "expected": expected}
-                tables["series"].append({**row, **told, "value": 321.0 if runs_away else value * k})
+                reported = {"quantity": quantity, "unit": unit, "truth": truth, "expected": expected}
+                tables["series"].append({**row, **reported, "value": 321.0 if runs_away else value * k})
     write(tmp_path, "a", tables)
     panel = build_panel(load_store(tmp_path))
     (block,) = case_figures(panel, panel.cases["demo/one"])
     return block.groups[0]
 
 
-def test_what_is_clipped_and_the_truth_of_the_strip_are_told(group):
+def test_what_is_clipped_and_the_truth_of_the_strip_are_reported(group):
     notes = {shown.picture.title: shown.picture.note for shown in group.panels}
     assert notes["x"] == "Clipped: 1 engine leaves the picture, B to 321 m. Strip: distance from the analytic truth."
     assert notes["z"] == (

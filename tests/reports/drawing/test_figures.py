@@ -15,7 +15,7 @@ from ninedisk.harness.api.registry import BUILTIN_CASES, get_case
 from ninedisk.harness.results.figures import figures_from_text, figures_to_text
 from ninedisk.reports.build import CaseDrawing, Job, render
 from ninedisk.reports.drawing import draw as draw_history
-from ninedisk.reports.drawing.draw import error_limits, read_scene, round_off, thin, value_limits
+from ninedisk.reports.drawing.draw import error_limits, read_scene, round_off, thinned_indices, value_limits
 from ninedisk.reports.drawing.figures import GENERIC, case_budgets, case_figures, looks_of
 from ninedisk.reports.drawing.scenes import Arrays, case_configurations, moving_scenes
 from ninedisk.reports.panel.load import Curve, load_store
@@ -130,11 +130,11 @@ def test_thinning_keeps_ends_and_extremes():
     x = np.arange(5000.0)
     y = np.sin(x / 300.0)
     y[1234], y[4321] = 9.0, np.nan
-    keep = thin(x, y)
+    keep = thinned_indices(x, y)
     assert len(keep) <= draw_history.MOST_POINTS
     assert {0, 1234, 4999} <= set(keep)
     assert np.nanmin(y) in y[keep]
-    assert list(thin(np.arange(3.0), np.full(3, np.nan))) == [0, 1, 2]
+    assert list(thinned_indices(np.arange(3.0), np.full(3, np.nan))) == [0, 1, 2]
 
 
 def test_scattered_samples_are_joined_but_a_gap_stays_a_gap():
@@ -210,7 +210,7 @@ def test_a_block_is_a_square_on_its_incline_and_gravity_points_down():
     setup = case.build(resolve(case, {}).params)
     view = read_scene({"scene": setup.scene.to_dict(), "labels": setup.labels})
     assert view.block
-    level = draw_history.upright(view)
+    level = draw_history.with_gravity_down(view)
     assert np.allclose(level.gravity / np.hypot(*view.gravity), (0.0, -1.0))
     assert level.walls[0].normal == pytest.approx((np.sin(np.radians(20.0)), np.cos(np.radians(20.0))))
     edge = level.edges[0]
@@ -248,7 +248,7 @@ def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_pa
         assert not re.search(rb'(?:href|src)="(?!#)', text)
 
 
-def test_a_budget_stacks_what_an_engine_tells_whole():
+def test_a_budget_stacks_what_an_engine_reports_whole():
     """Three engines: one tells all, one lacks a loss, one has it as NaN; what is taken off makes the sum flat, zeros are left out."""
     plan = next(figure for figure in get_case("energy/budget").figures if figure.kind == "budget")
     t = np.linspace(0.0, 1.0, 5)

@@ -163,7 +163,7 @@ def test_speed_needs_a_time_and_the_number_of_a_headline(tmp_path, write, small)
     assert engine_speed(panel, "nobody") is None
 
 
-def test_points_at_one_place_can_be_told_apart():
+def test_points_at_one_place_can_be_distinguished():
     made = spread([(1.0, 5.0, "a"), (1.0, 6.0, "b"), (2.0, 1.0, "c")])
     assert len({x for x, _, _ in made}) == 3
     assert max(abs(x - round(x)) for x, _, _ in made) < 1e-5

@@ -80,7 +80,7 @@ def test_one_chart_for_all_at_the_place_that_was_measured_with_a_line_for_each_r
     assert [look.label for look in found.legend.values()] == ["CD", "DEM", "SOFT"]
 
 
-def test_curves_replace_the_truths_of_their_quantity_and_readings_have_marks_of_their_own(store):
+def test_curves_replace_the_truths_of_their_quantity_and_readings_have_marks_alone(store):
     curves = (Drawn("speed", "law", (0.0, 4.0), (1.0, 2.0)), Drawn("speed", "printed", (1.0, 2.0), (3.0, 4.0), "me"))
     ((found),) = charts_of(store(replace(TOGETHER, curves=curves)))
     (chart,) = found.charts
@@ -142,7 +142,7 @@ def test_a_point_leads_to_its_cell(store, tab, tmp_path):
     assert tab.complaints == []
 
 
-def test_a_way_whose_places_were_measured_each_keeps_its_order(store):
+def test_a_path_whose_places_were_measured_each_keeps_its_order(store):
     """From b to a, which lies before it: sorted by places it would run backwards."""
     way = Figure(quantities=(Plotted("b", "way", at="b"), Plotted("a", "way", at="a")), apart=True, **TOLD)
     (found,) = charts_of(store(way))

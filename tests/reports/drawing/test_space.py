@@ -39,7 +39,7 @@ def frames(view) -> dict:
     angle = np.arange(3.0)[:, None, None] * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     point = np.arange(3.0)[:, None, None] * np.array([[0.0, 0.0, 0.1]])
     normal = np.tile([0.0, 0.0, 1.0], (3, 1, 1))
-    told = {
+    reported = {
         "step": np.arange(3),
         "t": 0.1 * np.arange(3),
         "x": x,
@@ -47,7 +47,7 @@ def frames(view) -> dict:
         "wall_point": point,
         "wall_angle": normal,
     }
-    return {name: value.tolist() for name, value in told.items()}
+    return {name: value.tolist() for name, value in reported.items()}
 
 
 @pytest.mark.parametrize(
@@ -73,8 +73,8 @@ def test_the_axis_of_gravity_stands_upright_and_nearer_spheres_cover_others(grav
 def test_a_drawing_has_every_sphere_what_moves_and_a_cut_of_oblique_planes():
     view = read_space(stored())
     drawn = draw_projection(Projection(view, False))
-    for told in ("2 m/s", "(0, 3, 0) rad/s", "9.81 m/s²", "floor turns: (0, 0, 1) rad/s", ">x<", ">z<"):
-        assert told in drawn
+    for reported in ("2 m/s", "(0, 3, 0) rad/s", "9.81 m/s²", "floor turns: (0, 0, 1) rad/s", ">x<", ">z<"):
+        assert reported in drawn
     # Seen from above the floor is nowhere and everywhere; the way along x is seen as it is.
     assert "9.81" not in draw_projection(Projection(view, True))
     sloped = read_space(stored(slope=(0.0, 0.6, 0.8), wall=(1.0, 0.0, 1.0)))
@@ -118,13 +118,13 @@ def test_nonsense_is_no_scene_and_neither_kind_is_taken_for_the_other():
 def report(write, small, tmp_path):
     """A case of the plane and one in space."""
     setup = stored()
-    told = {"setup": json.dumps(setup), "frames": json.dumps(frames(read_space(setup)))}
-    for k, tables in enumerate((small(), small(case="spheres/demo", **told))):
+    reported = {"setup": json.dumps(setup), "frames": json.dumps(frames(read_space(setup)))}
+    for k, tables in enumerate((small(), small(case="spheres/demo", **reported))):
         write(tmp_path / "store", f"2026010{k + 1}T030405Z-abcdef", tables)
     return build_report(tmp_path / "store", tmp_path / "report").parent
 
 
-def test_the_overview_tells_plane_and_space_apart(report: Path):
+def test_the_overview_separates_plane_and_space(report: Path):
     page = (report / "index.html").read_text(encoding="utf-8")
     order = [page.index(text) for text in ("In the plane", "demo/one", "In space", "spheres/demo")]
     assert order == sorted(order)

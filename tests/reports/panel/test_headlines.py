@@ -9,7 +9,7 @@ import pytest
 
 from ninedisk.harness.results.schema import allowed_shares
 from ninedisk.reports.pages import environment, index_page, squares, verdict_counts
-from ninedisk.reports.panel.headlines import disagreements, never_asked, ratings, standings
+from ninedisk.reports.panel.headlines import disagreements, ratings, standings, without_headline
 from ninedisk.reports.panel.load import load_store
 from ninedisk.reports.panel.model import build_panel
 
@@ -75,7 +75,7 @@ def test_disagreement_is_that_of_signed_errors_on_one_variant(panel):
 
 
 def test_what_an_engine_declares_and_no_cell_asked_for(panel):
-    assert never_asked(panel, panel.engines["one"]) == (["held"], ["gravity"])
+    assert without_headline(panel, panel.engines["one"]) == (["held"], ["gravity"])
 
 
 def test_a_pass_is_wide_by_what_its_tolerance_is_of_the_reference(panel):

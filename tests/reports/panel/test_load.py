@@ -60,7 +60,7 @@ def test_unfinished_and_hidden_runs_are_ignored(tmp_path, write, small):
 
 
 @pytest.mark.parametrize("make", [lambda _: None, lambda store: (store / "runs").mkdir()])
-def test_empty_store_is_an_error_that_names_the_way_out(tmp_path, make):
+def test_empty_store_is_an_error_that_names_the_remedy(tmp_path, make):
     make(tmp_path)
     with pytest.raises(ReportError, match="ninedisk run"):
         load_store(tmp_path)

@@ -99,12 +99,12 @@ def test_a_finding_says_why(panel):
     assert first.reasons == ["finding first/off: it is off", "its error shrinks with the step, of order 1.3"]
 
 
-def test_errors_are_told_in_per_cent_or_decades():
-    told = [ranking.percent(x) for x in (0.0, 2.2e-14, 1e-5, 0.0123, 0.996, 2.75, 37.0, math.inf, math.nan)]
-    assert told == ["0", "2.2e-14", "0.001 %", "1.2 %", "100 %", "275 %", "37 ×", "∞", "—"]
+def test_errors_are_reported_in_per_cent_or_decades():
+    reported = [ranking.percent(x) for x in (0.0, 2.2e-14, 1e-5, 0.0123, 0.996, 2.75, 37.0, math.inf, math.nan)]
+    assert reported == ["0", "2.2e-14", "0.001 %", "1.2 %", "100 %", "275 %", "37 ×", "∞", "—"]
 
 
-def test_known_gaps_are_told_by_cause(tmp_path, write, small):
+def test_known_gaps_are_reported_by_cause(tmp_path, write, small):
     tables = {"cells": [], "measurements": []}
     law = "the analytic truth is {}, the print says {} (Coulomb's law: no load)"
     for engine, reason in (

@@ -120,13 +120,13 @@ def test_everything_takes_the_headlines_of_all_uses_together(make):
         make({"one": {("sliding/a", 0.1): 1e-3, ("impacts/a", 0.1): 0.2},
               "two": {("sliding/a", 0.1): 0.1, ("impacts/a", 0.1): 0.05}}, {})
     )  # fmt: skip
-    told = {name: (ids(use[name].best), ids(use[name].farthest)) for name in ("sliding", "impacts", "all")}
-    assert told == {"sliding": (["one"], ["two"]), "impacts": (["two"], ["one"]), "all": (["two"], ["one"])}
+    reported = {name: (ids(use[name].best), ids(use[name].farthest)) for name in ("sliding", "impacts", "all")}
+    assert reported == {"sliding": (["one"], ["two"]), "impacts": (["two"], ["one"]), "all": (["two"], ["one"])}
     assert [(rank.error, rank.worst["case"]) for rank in use["all"].ranks] == [(0.1, "sliding/a"), (0.2, "impacts/a")]
     assert (use["all"].title, use["all"].headlines) == ("everything", 2)
 
 
-def test_what_is_in_space_is_told_apart_where_a_store_has_both(make):
+def test_what_is_in_space_is_distinguished_where_a_store_has_both(make):
     """One engine is exact in the plane and off by a tenth in space; with either alone there is nothing to tell apart."""
     plane, space = ("sliding/a", 0.1), ("impacts/a", 0.1)
     store = make({"one": {plane: 1e-13, space: 0.1}, "two": {plane: 0.2, space: 1e-3}}, {})
@@ -224,7 +224,7 @@ def card_of(html):
     """What the card of an engine's page says, by its lines."""
     card = html[html.index('<dl class="headline fine card">') :]
     found = re.findall(r"<dt>(.*?)</dt><dd>(.*?)</dd>", card[: card.index("</dl>")], re.DOTALL)
-    return {name: plain(told) for name, told in found}
+    return {name: plain(reported) for name, reported in found}
 
 
 def test_the_first_page_begins_with_verdicts(report):
@@ -232,12 +232,12 @@ def test_the_first_page_begins_with_verdicts(report):
     head, *rows = table_of(html)
     assert head == ["Use", "Most accurate", "Fastest to 1 %", "Least accurate"]
     assert [row[0] for row in rows] == [f"{title} 3 headlines, 4 engines" for title in ("Everything", "Sliding")]
-    told = [
+    reported = [
         "EXACT 2 of 3 headlines 1.0e-13",
         "FIRST 2 of 3 headlines 1 × 2 of 4 engines reach it wherever they ran",
         "BLUNDER 2 of 3 headlines 50 % Demo : way",
     ]
-    assert rows[0][1:] == rows[1][1:] == told
+    assert rows[0][1:] == rows[1][1:] == reported
     main = html[html.index("<main") :]
     assert main.index('<table class="verdicts"') < main.index('<div class="headline') < main.index('class="toc"')
     assert re.findall(r'<th scope="row"><a href="#(use-[^"]*)"', main) == ["use-all", "use-sliding"]
@@ -269,17 +269,17 @@ def test_the_first_page_has_the_engines_of_each_use(report):
         ({"one": 0.1, "two": math.inf}, {}, ["ONE 10 %", "no time is known", "TWO ∞ Demo : way"]),
     ],
 )
-def test_a_verdict_that_cannot_be_given_says_why(make, tmp_path, errors, seconds, told):
+def test_a_verdict_that_cannot_be_given_says_why(make, tmp_path, errors, seconds, reported):
     html = (build_report(make(one_step(**errors), seconds), tmp_path / "out").parent / "index.html").read_text()
-    told = told or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines reach it wherever they ran", "all are alike"]
-    assert table_of(html)[1][1:] == told
+    reported = reported or ["ONE , TWO 1.0e-13", "ONE 1 × 1 of 2 engines reach it wherever they ran", "all are alike"]
+    assert table_of(html)[1][1:] == reported
 
 
-def test_who_never_comes_to_one_percent_is_told_so(make, tmp_path):
+def test_who_never_comes_to_one_percent_is_reported_so(make, tmp_path):
     errors = {"one": {("a", 0.1): 1e-3, ("b", 0.1): 1e-3}, "far": {("a", 0.1): 0.5, ("b", 0.1): 0.2}}
     report = build_report(make(errors, {"one": 1.0, "far": 1.0}), tmp_path / "out").parent
-    told = card_of((report / "engine" / "far.html").read_text())["How fast"]
-    assert told == "it never comes to an error of 1 %, which another engine does in each of 2 series of steps"
+    reported = card_of((report / "engine" / "far.html").read_text())["How fast"]
+    assert reported == "it never comes to an error of 1 %, which another engine does in each of 2 series of steps"
 
 
 def test_nobody_comes_to_one_percent_wherever_it_ran(make, tmp_path):
@@ -318,7 +318,7 @@ def test_an_engines_page_begins_with_how_wrong_how_fast_and_its_largest_finding(
 
 
 @pytest.mark.parametrize(("size", "told"), [(0.3, "20 % finding"), (0.2, "20 % finding"), (0.1, "20 % headline")])
-def test_the_largest_of_headlines_and_declared_findings_is_told(make, tmp_path, size, told):
+def test_the_largest_of_headlines_and_declared_findings_is_reported(make, tmp_path, size, reported):
     """A finding that is as large as the worst headline explains it; `other` is no engine of this page."""
     found = [
         EvaluatedFinding(id=name, verdict="there", size=share, engine=name.split("/")[0], versions="1", what="it slips", case="a",
@@ -328,7 +328,7 @@ def test_the_largest_of_headlines_and_declared_findings_is_told(make, tmp_path, 
     report = build_report(make(one_step(one=0.2, two=0.01), {}), tmp_path / "out", findings=found).parent
     html = (report / "engine" / "one.html").read_text()
     largest = card_of(html)["Largest finding"]
-    if told.endswith("finding"):
+    if reported.endswith("finding"):
         assert largest == f"{100 * size:.0f} % : it slips one/slips"
         assert 'href="../findings.html#one-slips">one/slips</a>' in html[: html.index("</dl>", html.index("card"))]
     else:

@@ -143,7 +143,7 @@ def test_entries_that_are_no_numbers_are_refused_wherever_they_are() -> None:
             assert not factors.update(changed), (i, wrong)
 
 
-def test_positive_definite_is_told_from_indefinite_to_round_off() -> None:
+def test_positive_definite_is_distinguished_from_indefinite_to_round_off() -> None:
     """Shifts of the spectrum by twice the round-off of the factorisation to either side of the smallest eigenvalue."""
     graph = graph_of("dense, random")
     data = positive_definite(graph)

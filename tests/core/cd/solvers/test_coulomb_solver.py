@@ -211,7 +211,7 @@ def test_where_nothing_slides_the_associated_rule_is_enough(monkeypatch: pytest.
         offset=np.zeros((c, 2)),
         mu=np.full(c, 0.3),
     )
-    monkeypatch.setattr(proximal, "_Walk", None)
+    monkeypatch.setattr(proximal, "_PointSequence", None)
     found = solve(problem)
     assert found.sliding == "coulomb"
     assert found.iterations < 30
@@ -270,7 +270,7 @@ def test_compliance_is_raised_until_a_point_is_found(collapse: ContactProblem, m
     """Tenfold at the contacts in its way, to 1e-3 at least and 1 at most; once it is found all are lowered to 0.8 of what they are then."""
     there = np.zeros(collapse.n_contacts, dtype=bool)
     there[collapse.n_contacts // 2] = True
-    walk = proximal._Walk(proximal._Search(collapse, TIGHT), np.zeros((collapse.n_contacts, 2)), alike=0.1)
+    walk = proximal._PointSequence(proximal._Search(collapse, TIGHT), np.zeros((collapse.n_contacts, 2)), alike=0.1)
     for soft, tried in ((1e-2, (1e-2, 1e-1, 1.0)), (1e-7, (1e-7, 1e-3, 1e-2)), (0.5, (0.5, 1.0, 1.0))):
         seen = []
 
@@ -292,7 +292,7 @@ def test_compliance_falls_off_from_contact_to_contact(collapse: ContactProblem, 
     """By no more than the ratio from one contact to the next at a body: against the number of contacts between, found by SciPy."""
     c = collapse.n_contacts
     raised = [3, c // 2]
-    walk = proximal._Walk(proximal._Search(collapse, TIGHT), np.zeros((c, 2)), alike)
+    walk = proximal._PointSequence(proximal._Search(collapse, TIGHT), np.zeros((c, 2)), alike)
     walk.soft = np.full(c, 1e-6)
     walk._raise(np.isin(np.arange(c), raised))
     pair, body = np.nonzero(collapse.bodies >= 0)
@@ -312,14 +312,14 @@ def test_a_walk_near_a_solution_begins_anew_at_each_turn(
     monkeypatch.setattr(proximal, "SLICE_NEAR", (40, 0.0))
     monkeypatch.setattr(proximal.Polish, "improve", lambda *_, **__: None)
     begun = []
-    step = proximal._Walk._next
+    step = proximal._PointSequence._next
 
-    def watched(walk: proximal._Walk, r: FloatArray) -> None:
+    def watched(walk: proximal._PointSequence, r: FloatArray) -> None:
         if (walk.soft == proximal.FIRST_SOFT).all():
             begun.append(walk.alike)
         step(walk, r)
 
-    monkeypatch.setattr(proximal._Walk, "_next", watched)
+    monkeypatch.setattr(proximal._PointSequence, "_next", watched)
     start = solve_gauss_seidel(collapse, replace(TIGHT, tolerance=1e-2), sliding="coulomb").r
     with pytest.raises(SolverNotConvergedError):  # no forces are that exact, so that turns go on
         ProximalPoint(replace(TIGHT, tolerance=1e-30, max_iterations=600)).solve(collapse, start, near=near)
@@ -337,7 +337,7 @@ def beside(one: ContactProblem, other: ContactProblem) -> ContactProblem:
 
 
 @pytest.mark.parametrize("builder", ["hyperstatic", "blocked"])
-def test_where_newtons_method_goes_round_is_told_from_where_it_ends(builder: str) -> None:
+def test_where_newtons_method_circles_is_distinguished_from_where_it_ends(builder: str) -> None:
     """It goes round in a small problem beside single bodies: the contacts that change are of that, and a path begins with all others
     solved."""
     index = {"hyperstatic": 1, "blocked": 127}[builder]
@@ -346,7 +346,7 @@ def test_where_newtons_method_goes_round_is_told_from_where_it_ends(builder: str
     singles = [on_floor(push, mu) for push in np.linspace(-3.0, 3.0, 7) for mu in (0.0, 0.3, 1.0)]
     both = reduce(beside, singles, small)
     none = np.zeros((both.n_contacts, 2))
-    walk = proximal._Walk(proximal._Search(both, TIGHT), none, proximal.ALIKE)
+    walk = proximal._PointSequence(proximal._Search(both, TIGHT), none, proximal.ALIKE)
     walk.law.soft = np.full(both.n_contacts, 1e-4)
     begin = walk.law.at(walk.z, none)
     # Single bodies are off by the compliance at first, which goes with the first step, but for round-off.
@@ -360,14 +360,14 @@ def test_where_newtons_method_goes_round_is_told_from_where_it_ends(builder: str
     assert walk.law.path(ended.point.z, ended.point.error, proximal.PIVOTS) is not None
 
 
-def test_points_that_stay_near_the_first_do_not_arrive(
+def test_points_that_stay_near_the_first_do_not_converge(
     collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The planted defect: the compliance acts on the difference from the first forces, not from the last ones; nothing is polished."""
-    step = proximal._Walk._next
+    step = proximal._PointSequence._next
     held: list[FloatArray] = []
 
-    def stays(walk: proximal._Walk, r: FloatArray) -> None:
+    def stays(walk: proximal._PointSequence, r: FloatArray) -> None:
         held.append(r)
         step(walk, held[0])
 
@@ -375,6 +375,6 @@ def test_points_that_stay_near_the_first_do_not_arrive(
     # It takes 190; with the defect 6,000 leave a gap of 0.1.
     options = replace(TIGHT, tolerance=1e-6, max_iterations=600)
     assert measure(collapse, (found := solve(collapse, options)).v, found.r, sliding="coulomb").worst < 1e-6
-    monkeypatch.setattr(proximal._Walk, "_next", stays)
+    monkeypatch.setattr(proximal._PointSequence, "_next", stays)
     with pytest.raises(SolverNotConvergedError):
         solve(collapse, options)

@@ -38,8 +38,8 @@ def test_the_iteration_limit_is_kept(solve: Solve, iterations: int) -> None:
     options = SolverOptions(tolerance=1e-15, max_iterations=iterations)
     with pytest.raises(SolverNotConvergedError, match=r"natural-map residual .* duality gap") as error:
         solve(problem, options)
-    told = int(str(error.value).split(" iterations")[0].split()[-1])
-    assert told <= iterations
+    reported = int(str(error.value).split(" iterations")[0].split()[-1])
+    assert reported <= iterations
 
 
 @pytest.mark.timing

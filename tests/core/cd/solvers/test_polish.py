@@ -73,7 +73,7 @@ def test_a_polish_strides_along_forces_that_drift(monkeypatch: pytest.MonkeyPatc
     assert found is not None
     assert found[1].reached(TOLERANCE)
     assert law_broken(problem, found[0]) < 1e-6
-    monkeypatch.setattr(polish, "_steady", lambda *_: False)
+    monkeypatch.setattr(polish, "_is_steady", lambda *_: False)
     assert polish_of(problem).improve(rough, 200) is None
 
 
@@ -235,7 +235,7 @@ def test_the_law_at_a_point_is_that_of_the_dense_matrix() -> None:
         np.testing.assert_allclose(at.error, u + (z - r) / rho, **ROUNDED)
         assert at.size == pytest.approx(np.linalg.norm(rho * (u + (z - r) / rho)), rel=1e-13)
         expected = u - (w @ dr.ravel()).reshape(-1, 2) - soft / rho * dr
-        np.testing.assert_allclose(law.left(at.u, dr), expected, **ROUNDED)
+        np.testing.assert_allclose(law.remaining(at.u, dr), expected, **ROUNDED)
         met |= set(at.status.tolist())
     assert met == {OPEN, STICK, PLUS, MINUS}
 
@@ -369,7 +369,7 @@ def least_friction(layers: int) -> float:
                 balance[3 * body + 2, 2 * k + 1] = 1.0
     weight = np.tile([0.0, 1.0, 0.0], n)
 
-    def holds(mu: float) -> bool:
+    def law_holds(mu: float) -> bool:
         cone = np.kron(np.eye(c), [[-mu, 1.0], [-mu, -1.0]])
         bounds = [(0.0, None), (None, None)] * c
         return bool(linprog(np.zeros(2 * c), cone, np.zeros(2 * c), balance, weight, bounds).status == 0)  # type: ignore[call-overload]
@@ -377,7 +377,7 @@ def least_friction(layers: int) -> float:
     low, high = 0.0, 2.0
     while high - low > 1e-4:
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if holds(middle) else (middle, high)
+        low, high = (low, middle) if law_holds(middle) else (middle, high)
     return high
 
 

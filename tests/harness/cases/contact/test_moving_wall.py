@@ -49,7 +49,7 @@ def test_defects_are_seen(run_cell, params, spoil, names):
     assert names <= run_cell(CASE, DEM, params, spoil).seen
 
 
-def test_a_wall_that_shakes_the_other_way_and_another_dashpot_are_seen_by_the_closed_forms_too(run_cell):
+def test_a_wall_that_shakes_the_other_direction_and_another_dashpot_are_seen_by_the_closed_forms_too(run_cell):
     def turned(scene):
         return with_motion(scene, lambda s: replace(s, amplitude=(0.0, -s.amplitude[1])))
 

@@ -67,7 +67,7 @@ def test_shear_that_is_kept_is_seen_at_a_wall_and_on_engines_without_exact_steps
     assert "fs" in run_cell(CASE, CD, DISKS, kept).seen
 
 
-def test_what_another_engine_does_not_tell_is_not_judged_and_what_it_is_known_to_keep_is_excused(
+def test_what_another_engine_does_not_report_is_not_judged_and_what_it_is_known_to_keep_is_excused(
     run_cell, judge_history, scheme_info
 ):
     cell = run_cell(CASE, DEM, DISKS, kept)

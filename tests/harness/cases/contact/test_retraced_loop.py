@@ -69,7 +69,7 @@ def test_the_middle_keeps_no_shear_and_the_end_drifts_as_predicted(run_cell, kin
 
 @pytest.mark.parametrize("arm", ["radius", "overlap"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_scenes_that_are_told_another_place_of_the_slip_are_seen(run_cell, kind, arm):
+def test_scenes_that_are_reported_another_place_of_the_slip_are_seen(run_cell, kind, arm):
     """What an engine does that ignores ``slip_at``."""
     for asked, has in (("middle", "end"), ("end", "middle")):
         names = {"middle": {"shear", "astray", "drift"}, "end": {"shear"}}[asked]
@@ -94,7 +94,7 @@ def test_defects_are_seen(run_cell, kind, spoil, names):
     assert names <= run_cell(CASE, DEM, {"kind": kind}, spoil).seen
 
 
-def test_an_engine_is_judged_by_its_own_form_and_its_drift_is_told(run_cell, judge_history, scheme_info):
+def test_an_engine_is_judged_by_its_own_form_and_its_drift_is_reported(run_cell, judge_history, scheme_info):
     """An engine without the middle passes with the end's steps, and not with the middle's; nor does one that claims what it is not."""
     ours = run_cell(CASE, DEM, {"slip_at": "end"})
     known = DEM.info().capabilities
@@ -131,14 +131,14 @@ def test_other_engines_have_the_form_of_the_end(run_cell, engine, params):
 
 
 def test_engines_without_shear_springs_or_turning_walls_say_so():
-    def told(engine, params):
+    def reported(engine, params):
         setup = CASE.build(resolve(CASE, params).params)
         answer = engine.supports(setup.scene, setup.numerics)
         assert answer.level is SupportLevel.NO
         return set(answer.missing)
 
-    assert Capability.SHEAR_SPRING in told(PYMUNK, {})
-    assert told(LIGGGHTS, {"kind": "wall", "slip_at": "end"}) == {Capability.ROTATING_WALLS}
+    assert Capability.SHEAR_SPRING in reported(PYMUNK, {})
+    assert reported(LIGGGHTS, {"kind": "wall", "slip_at": "end"}) == {Capability.ROTATING_WALLS}
 
 
 def test_the_end_goes_on_to_the_friction_limit():

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ninedisk.harness.cases.contact.cluster import DURATION, MU, OVERLAP, cluster, truth
-from ninedisk.references.analytic.contact.belt import taken_along
+from ninedisk.references.analytic.contact.belt import belt_motion
 from ninedisk.references.analytic.contact.cluster import Touch, cluster_swing
 from ninedisk.references.analytic.impact.two_disks import Springs, two_disk_impact
 
@@ -116,9 +116,9 @@ def test_an_impact_keeps_momentum_and_its_moment(springs: Springs | None, mu: fl
 def test_a_belt_takes_bodies_along() -> None:
     """Reached after 0.1 s at 3 m/s^2; a disk has a third of it after the same time of slip; both rest after the belt has stopped."""
     t = np.array([0.0, 0.05, 0.1, 0.2, 0.25, 0.4])
-    block = taken_along(t, segments=[(0.2, 0.3)], pull=3.0, ease=1.0)
+    block = belt_motion(t, segments=[(0.2, 0.3)], pull=3.0, ease=1.0)
     np.testing.assert_allclose(block.v, [0.0, 0.15, 0.3, 0.3, 0.15, 0.0], atol=1e-15)
     np.testing.assert_allclose(block.x, [0.0, 0.00375, 0.015, 0.045, 0.05625, 0.06], atol=1e-15)
     np.testing.assert_allclose(block.belt, [0.0, 0.015, 0.03, 0.06, 0.06, 0.06], atol=1e-15)
-    disk = taken_along(t, segments=[(0.2, 0.3)], pull=3.0, ease=3.0)
+    disk = belt_motion(t, segments=[(0.2, 0.3)], pull=3.0, ease=3.0)
     np.testing.assert_allclose(disk.v, [0.0, 0.1, 0.1, 0.1, 0.0, 0.0], atol=1e-15)

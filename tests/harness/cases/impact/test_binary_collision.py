@@ -8,7 +8,7 @@ import pytest
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
-from ninedisk.harness.cases.impact.binary import CASE, PLASTIC_BETA, knobs
+from ninedisk.harness.cases.impact.binary import CASE, PLASTIC_BETA, impact_settings
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
 from ninedisk.harness.engines.pymunk.adapter import ENGINE as PYMUNK
 from ninedisk.references.analytic.impact.spring_dashpot import restitution_of_beta
@@ -59,14 +59,14 @@ def test_momentum_is_conserved_to_1e_13(run_cell):
         ({"restitution": 0.5, "theta": 0.9, "beta": 0.2}, 0.5, 0.2, 0.9),
     ],
 )
-def test_what_each_engine_is_told(params, restitution, beta, theta):
-    told = knobs(resolve(CASE, params).params)
-    assert told.restitution == pytest.approx(restitution, rel=1e-14, abs=0)
-    assert told.theta == pytest.approx(theta, rel=1e-14)
+def test_what_each_engine_is_reported(params, restitution, beta, theta):
+    reported = impact_settings(resolve(CASE, params).params)
+    assert reported.restitution == pytest.approx(restitution, rel=1e-14, abs=0)
+    assert reported.theta == pytest.approx(theta, rel=1e-14)
     if beta is None:
-        assert restitution_of_beta(told.beta) == pytest.approx(restitution, rel=1e-12)
+        assert restitution_of_beta(reported.beta) == pytest.approx(restitution, rel=1e-12)
     else:
-        assert told.beta == pytest.approx(beta)
+        assert reported.beta == pytest.approx(beta)
 
 
 def _theta_history(params, *, spoil=0.0) -> History:

@@ -10,7 +10,7 @@ import pytest
 from ninedisk.harness.api.case import ParameterError
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case
-from ninedisk.harness.cases.impact.cooling import CASE, _fed_at_walls, haffs_law, law_at_end
+from ninedisk.harness.cases.impact.cooling import CASE, _wall_energy, haffs_law, law_at_end
 from ninedisk.harness.cases.impact.gas import MASS, RADIUS
 from ninedisk.harness.engines.cd.adapter import ENGINE as CD
 from ninedisk.harness.engines.dem.adapter import ENGINE as DEM
@@ -87,4 +87,4 @@ def test_what_newtons_law_feeds_at_a_wall_is_no_fault_and_away_from_walls_it_is(
     v = np.array([[[-1.0, 0.0], [-2.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [2.5, 0.0], [1.5, 0.0]]])
     history = SimpleNamespace(x=np.stack([x, x]), v=v, t=np.array([0.0, 0.01]))
     params = {"rows": 8, "spacing": 5.6}
-    assert _fed_at_walls(params, history) == pytest.approx([0.0, fed * 0.5 * MASS * (2.5**2 - 2.0**2)])
+    assert _wall_energy(params, history) == pytest.approx([0.0, fed * 0.5 * MASS * (2.5**2 - 2.0**2)])

@@ -123,10 +123,10 @@ def test_disks_that_slide_through_lie_on_thornton_s_curve(run_cell):
     """1 - 2/x and twice: for spheres 1 - 2/x and 5/2, from 7 on in place of 6."""
     for vt in (1.81, 11.43):
         for engine in (PYMUNK, DEM):
-            told = {name: value for name, (_, value) in run_cell(CASE, engine, {"vt": vt}).observed.scalars.items()}
-            assert told["incidence"] == pytest.approx(vt / 0.3)
-            assert told["tangential_restitution"] == pytest.approx(1.0 - 2.0 / told["incidence"], abs=2e-3)
-            assert told["rebound_spin"] == pytest.approx(2.0, abs=1e-2)
+            reported = {name: value for name, (_, value) in run_cell(CASE, engine, {"vt": vt}).observed.scalars.items()}
+            assert reported["incidence"] == pytest.approx(vt / 0.3)
+            assert reported["tangential_restitution"] == pytest.approx(1.0 - 2.0 / reported["incidence"], abs=2e-3)
+            assert reported["rebound_spin"] == pytest.approx(2.0, abs=1e-2)
 
 
 def test_impossible_variants_are_refused():

@@ -150,7 +150,7 @@ def test_friction_along_fixed_axes_is_seen(run_cell):
 
 @needs(BULLET)
 @pytest.mark.parametrize("units", ["um-ug-us", "km-Mg-min"])
-def test_bullet_is_given_lengths_of_its_own(run_cell, units):
+def test_bullet_is_given_lengths_alone(run_cell, units):
     for scene in ("slide", "roll"):
         assert run_cell(UNIT, BULLET, {"scene": scene, "units": units}).failures == []
 

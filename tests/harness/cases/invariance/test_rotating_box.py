@@ -45,9 +45,9 @@ def test_yade_s_shear_forces_grow_by_half_the_square_of_a_step_s_rotation(run_ce
 def test_lammps_cannot_stretch_a_loop():
     for params in CASE.matrix():
         setup = CASE.build(resolve(CASE, params).params)
-        told = LAMMPS.supports(setup.scene, setup.numerics)
-        assert told.level is SupportLevel.NO
-        assert any("loop" in note for note in told.notes)
+        reported = LAMMPS.supports(setup.scene, setup.numerics)
+        assert reported.level is SupportLevel.NO
+        assert any("loop" in note for note in reported.notes)
 
 
 @pytest.mark.parametrize(

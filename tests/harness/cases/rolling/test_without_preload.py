@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
-from ninedisk.harness.api.params import foreign_settings, resolve
+from ninedisk.harness.api.params import resolve, settings_of_other_engines
 from ninedisk.harness.api.registry import get_case
 from ninedisk.harness.cases.rolling.incline_disk import MASS
 from ninedisk.harness.results.schema import row_tolerance
@@ -24,7 +24,9 @@ def test_each_case_has_one_for_engines_without_preload(name: str) -> None:
     case = get_case(name)
     variants = [resolve(case, row) for row in case.matrix()]
     scenes = {
-        each.id: case.build(each.params) for each in variants if not foreign_settings(case, each.params, "spring")
+        each.id: case.build(each.params)
+        for each in variants
+        if not settings_of_other_engines(case, each.params, "spring")
     }
     assert any(Capability.PRELOAD not in capabilities_needed(each.scene, each.numerics) for each in scenes.values())
 

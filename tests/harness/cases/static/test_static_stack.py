@@ -49,7 +49,7 @@ def test_sweeps_and_softness_of_a_column():
     assert network.softened == pytest.approx(440.0)  # 4*4 + 2 (3*3 + 2*2 + 1*1) weights of 10 N
 
 
-def test_few_sweeps_are_allowed_for_where_the_engine_tells_their_option() -> None:
+def test_few_sweeps_are_allowed_for_where_the_engine_reports_their_option() -> None:
     """Whatever that option is called; an engine that does not tell is held to the whole load in each step."""
     params = resolve(CASE, {}).params
     setup = CASE.build(params)

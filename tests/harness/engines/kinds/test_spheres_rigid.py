@@ -145,7 +145,7 @@ def test_a_ball_rolls_down_a_tilted_plane_at_five_sevenths(engine: str) -> None:
 
 
 @each_engine
-def test_a_ball_on_a_turntable_goes_round_at_two_sevenths(engine: str) -> None:
+def test_a_ball_on_a_turntable_circles_at_two_sevenths(engine: str) -> None:
     """The table's own point goes round, too: it is not on the axis."""
     turn, radius, speed = 2.0, 0.5, 0.7
     motion = (PlaneSegment(angular_velocity=(0.0, 0.0, turn), pivot=(0.0, 0.0, 0.0)),)

@@ -227,7 +227,7 @@ def test_two_runs_at_once_do_not_disturb_each_other(
 
 
 @engines()
-def test_run_stopped_half_way_is_a_timeout(engine: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_stopped_halfway_is_a_timeout(engine: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     engine.time_limit, steps = 1.5, EXPECTED[engine.id].long
     setup = variant("nine-disk/compression")

@@ -193,7 +193,7 @@ def test_shear_of_esys_particle_keeps_its_direction(kind: str) -> None:
     assert off(found.fs[:, 0], setup.scene.sphere_sphere.ks * kept) <= 1e-3
 
 
-def test_forces_that_esys_particle_does_not_tell_are_not_observed() -> None:
+def test_forces_that_esys_particle_does_not_report_are_not_observed() -> None:
     """Six spheres about a small one, 18 contacts in 15 directions of motion: the motion is the core's, normal forces are NaN. A sphere
     between two planes is told apart by these."""
     law = SphereLaw(kn=1e4)

@@ -141,7 +141,7 @@ print(json.dumps(seen))
 """A sphere is drawn slowly off a plane; E [Pa], restitution's damping, Poisson's ratio, surface energy of a face [J/m^2]."""
 
 
-def test_a_region_of_lammps_lets_go_of_jkr_without_a_neck() -> None:
+def test_a_region_of_lammps_releases_jkr_without_a_neck() -> None:
     """At gap 0, where 8/9 of the pull-off ``3 pi g R`` act; that is reached on the neck beyond, which pairs of spheres have."""
     if not LAMMPS.info().installed:
         pytest.skip("there is no LAMMPS")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.assembly.sphere_ring import fallen, ring_angle, ring_forces
+from ninedisk.references.analytic.assembly.sphere_ring import ring_angle, ring_forces, top_displacement
 
 
 def wrenches(n, angle):  # type: ignore[no-untyped-def]
@@ -74,7 +74,7 @@ def test_a_heap_that_falls_obeys_newton_and_euler_sphere_by_sphere(n: int, mu: f
     angle, mass = ring_angle(n=n, spread=1.1), each / g
     h, t = 1e-3, 0.2
     given = {"n": n, "angle": angle, "mu": mu, "top": top, "each": each, "radius": radius, "g": g}
-    down = fallen(t + h * np.arange(-2, 3), **given)
+    down = top_displacement(t + h * np.arange(-2, 3), **given)
     height = 2.0 * radius * math.cos(angle) - down
     out = np.sqrt(4.0 * radius**2 - height**2)
     bend = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / (12.0 * h**2)
@@ -90,6 +90,6 @@ def test_a_heap_that_falls_obeys_newton_and_euler_sphere_by_sphere(n: int, mu: f
         rolls = speed * cos / sin
         assert top * down[2] == pytest.approx(0.5 * top / g * speed**2 + 0.7 * n * mass * rolls**2, rel=1e-8)
     with pytest.raises(ValueError, match="stands"):
-        fallen([0.1], **{**given, "mu": 1.0})
+        top_displacement([0.1], **{**given, "mu": 1.0})
     with pytest.raises(ValueError, match="is down"):
-        fallen([100.0], **given)
+        top_displacement([100.0], **given)

@@ -34,18 +34,18 @@ def test_the_shaken_contact_obeys_its_equation(beta):
 
 
 def test_the_shuttle_goes_to_and_fro():
-    way = {"speed": 2.0, "gap": 0.3, "way": 1.0, "omega_first": 5.0, "omega_second": 4.0}
+    path = {"speed": 2.0, "gap": 0.3, "way": 1.0, "omega_first": 5.0, "omega_second": 4.0}
     period = math.pi / 5.0 + math.pi / 4.0 + 1.0
     touch = 0.15
     t = np.array(
         [0.0, touch, touch + math.pi / 10.0, touch + math.pi / 5.0, touch + math.pi / 5.0 + 0.5 + math.pi / 8.0]
     )
-    found = shuttle(t, **way)
+    found = shuttle(t, **path)
     np.testing.assert_allclose(found.place, [-0.3, 0.0, 0.4, 0.0, -1.5], atol=1e-12)
     np.testing.assert_allclose(found.velocity, [2.0, 2.0, 0.0, -2.0, 0.0], atol=1e-12)
     assert found.age[2] == pytest.approx(math.pi / 10.0)
     assert np.isnan(found.age[[0, 4]]).all()
-    again = shuttle(t + period, **way)
+    again = shuttle(t + period, **path)
     np.testing.assert_allclose(again.place, found.place, atol=1e-12)
     np.testing.assert_allclose(
         found.changes[:4],

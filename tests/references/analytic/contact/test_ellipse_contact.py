@@ -15,10 +15,10 @@ def circle(radius: float, x: float, y: float) -> Ellipse:
 
 
 @pytest.mark.parametrize("depth", [1e-11, 1e-6, 1e-3, 0.2])
-@pytest.mark.parametrize("way", [0.0, 0.7, 2.9, -1.6])
-def test_circles(depth: float, way: float) -> None:
+@pytest.mark.parametrize("path", [0.0, 0.7, 2.9, -1.6])
+def test_circles(depth: float, path: float) -> None:
     d = 1.5 - depth
-    x, y = d * math.cos(way), d * math.sin(way)
+    x, y = d * math.cos(path), d * math.sin(path)
     expected = 1.5 - math.hypot(x, y)
     assert ellipse_overlap(circle(1.0, 0.0, 0.0), circle(0.5, x, y)) == pytest.approx(expected, abs=1e-15)
 
@@ -60,7 +60,7 @@ def test_forty_digits() -> None:
         def both(x: object, y: object, pair: tuple[Ellipse, Ellipse] = pair) -> tuple[object, object]:
             return level(pair[0], x, y), level(pair[1], x, y)
 
-        ends = [mp.findroot(both, tuple(float(v) for v in middle + way * half * t)) for way in (-0.5, 0.5)]
+        ends = [mp.findroot(both, tuple(float(v) for v in middle + path * half * t)) for path in (-0.5, 0.5)]
         cx, cy = ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]
         length = mp.sqrt(cx**2 + cy**2)
         assert length > half / 2

@@ -19,11 +19,11 @@ WALL = {"way": 0.03, "angle": 0.07}
 
 
 def test_shear_of_a_passing_centre_is_the_integral_of_r_dphi():
-    way = np.linspace(-0.1, 0.1, 200001)
-    left = AHEAD - way
+    path = np.linspace(-0.1, 0.1, 200001)
+    left = AHEAD - path
     r, phi = np.hypot(left, ASIDE), np.arctan2(ASIDE, left)
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (r[1:] + r[:-1]) * np.diff(phi))])
-    found = passing_shear(way, ahead=AHEAD, aside=ASIDE)
+    found = passing_shear(path, ahead=AHEAD, aside=ASIDE)
     np.testing.assert_allclose(found - found[0], integral, atol=1e-12)
     assert found[100000] == 0.0
     assert passing_shear(0.02, ahead=AHEAD, aside=-ASIDE) == -passing_shear(0.02, ahead=AHEAD, aside=ASIDE)
@@ -61,6 +61,6 @@ def test_arguments_out_of_range_are_refused():
     with pytest.raises(ValueError, match="dt"):
         passing_drift(amplitude=0.1, frequency=1.0, ahead=0.2, aside=0.1, dt=0.0)
     with pytest.raises(ValueError, match="way"):
-        turning_wall_shear(0.1, radius=0.5, overlap=0.1, way=-1.0, angle=0.1, mid_overlap=False)
+        turning_wall_shear(0.1, radius=0.5, overlap=0.1, path=-1.0, angle=0.1, mid_overlap=False)
     with pytest.raises(ValueError, match="period"):
-        turning_wall_drift(way=0.1, angle=0.1, period=math.nan, dt=0.1, mid_overlap=False)
+        turning_wall_drift(path=0.1, angle=0.1, period=math.nan, dt=0.1, mid_overlap=False)

@@ -16,15 +16,15 @@ def test_work_and_impulse():
     assert end.rate == pytest.approx(0.7 + impulse / 2.0, rel=1e-14)
     work = 0.0
     for begin, until, force in SEGMENTS:
-        ends = under_segments([begin, min(until, 1.5)], inertia=2.0, start=0.7, segments=SEGMENTS).way
+        ends = under_segments([begin, min(until, 1.5)], inertia=2.0, start=0.7, segments=SEGMENTS).path
         work += force * (ends[1] - ends[0])
     assert 0.5 * 2.0 * (end.rate**2 - 0.7**2) == pytest.approx(work, rel=1e-13)
 
 
-def test_the_way_is_the_integral_of_the_velocity():
+def test_the_path_is_the_integral_of_the_velocity():
     t = np.linspace(0.0, 2.5, 25001)
     found = under_segments(t, inertia=2.0, start=0.7, segments=SEGMENTS)
-    assert found.way[-1] == pytest.approx(np.trapezoid(found.rate, t), abs=1e-7)
+    assert found.path[-1] == pytest.approx(np.trapezoid(found.rate, t), abs=1e-7)
 
 
 def test_bad_segments():

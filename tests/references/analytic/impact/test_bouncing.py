@@ -76,7 +76,7 @@ def test_a_damped_contact_is_that_of_a_step_by_step_integration(beta, speed):
     assert overlap == pytest.approx(found.overlap, rel=2e-4, abs=1e-12)
 
 
-def test_a_strong_dashpot_or_a_slow_touch_never_lets_go():
+def test_a_strong_dashpot_or_a_slow_touch_never_releases():
     assert loaded_contact(kn=KN, mass=MASS, beta=10.0, speed=1.0, g=G) is None
     assert loaded_contact(kn=KN, mass=MASS, beta=0.3, speed=1e-3, g=G) is None
 

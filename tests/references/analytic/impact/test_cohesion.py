@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ninedisk.references.analytic.impact.cohesion import captures, cohesive_contact, cohesive_rebound
+from ninedisk.references.analytic.impact.cohesion import cohesive_contact, cohesive_rebound, is_captured
 
 
 def test_half_of_the_spring_makes_of_restitution_one_half_a_good_third():
@@ -46,7 +46,7 @@ def test_closed_form_solves_the_equation_of_motion(beta):
         events=(parts, turns),
         dense_output=True,
     )
-    if captures(kn=kn, cohesion=share * kn, beta=beta):
+    if is_captured(kn=kn, cohesion=share * kn, beta=beta):
         assert run.status == 0
         with pytest.raises(ValueError, match="beta"):
             cohesive_rebound(**given)

@@ -8,7 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ninedisk.references.analytic.impact.ellipse_collision import MovingEllipse, chord_work, gap_and_way, touching_time
+from ninedisk.references.analytic.impact.ellipse_collision import (
+    MovingEllipse,
+    chord_work,
+    gap_and_direction,
+    touching_time,
+)
 
 ONE = MovingEllipse(1.0, 0.6, 2.0, 0.7, (-1.3, 0.0), (0.5, 0.1), 0.5, 0.3)
 TWO = MovingEllipse(0.9, 0.5, 1.5, 0.4, (1.2, 0.25), (-0.5, 0.1), -0.9, -0.2)
@@ -48,17 +53,17 @@ def test_work_and_depth_fall_as_the_root_of_the_stiffness():
 
 
 def test_curvature_and_its_slope_are_those_of_the_outline():
-    way, step = 0.8, 1e-5
-    k, slope = ONE.curvature(way, 0.0)
-    before, after = (ONE.curvature(way + off, 0.0)[0] for off in (-step, step))
+    phi, step = 0.8, 1e-5
+    k, slope = ONE.curvature(phi, 0.0)
+    before, after = (ONE.curvature(phi + off, 0.0)[0] for off in (-step, step))
     assert slope == pytest.approx((after - before) / (2.0 * step) * k, rel=1e-8)
-    height = [float(ONE.support(np.array(way + off), 0.0)[0]) for off in (-1e-4, 0.0, 1e-4)]
+    height = [float(ONE.support(np.array(phi + off), 0.0)[0]) for off in (-1e-4, 0.0, 1e-4)]
     assert 1.0 / k == pytest.approx(height[1] + (height[0] - 2.0 * height[1] + height[2]) / 1e-8, rel=1e-6)
 
 
 def test_ellipses_that_do_not_meet_are_refused():
-    gap, way = gap_and_way(ONE, TWO, 0.0)
+    gap, phi = gap_and_direction(ONE, TWO, 0.0)
     assert gap > 0.0
-    assert abs(way) < 1.0
+    assert abs(phi) < 1.0
     with pytest.raises(ValueError, match="touch before"):
         chord_work(ONE, TWO, kn=1.0, until=1e-3)

@@ -62,7 +62,7 @@ def gases(seeds, restitution, times, d=2):
 @pytest.mark.sampled(1)
 @pytest.mark.long
 @pytest.mark.parametrize(("d", "time", "low", "high"), [(2, 70.0, 1.01, 1.02), (3, 60.0, 1.16, 1.18)])
-def test_a_box_has_more_room_outside_than_partners_inside(d, time, low, high):
+def test_a_box_has_more_space_outside_than_partners_inside(d, time, low, high):
     """Counted in elastic gases: the mean of eight over 20 free times is known to 1 %."""
     n = ROWS[d] ** d
     factor = rate_in_box(n=n, side=ROWS[d] * SPACING[d], radius=1.0, dimension=d)

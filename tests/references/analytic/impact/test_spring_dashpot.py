@@ -96,7 +96,7 @@ def test_strong_damping_tends_to_its_limit() -> None:
 
 
 @pytest.mark.parametrize("e", [0.0, -0.1, 1.5, math.nan])
-def test_unreachable_restitution_names_the_way_out(e: float) -> None:
+def test_unreachable_restitution_names_the_remedy(e: float) -> None:
     with pytest.raises(ValueError, match=r"must lie in \(0, 1\].*choose a small e such as 0.001 \(beta = 15.7\)"):
         beta_of_restitution(e)
     assert beta_of_restitution(0.001) == pytest.approx(15.7, abs=0.05)

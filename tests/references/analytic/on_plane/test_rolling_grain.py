@@ -79,11 +79,11 @@ def test_motion_is_lagrange_s(shape):
         pull = G * (math.sin(angle) * shape.height(phi) - math.cos(angle) * lift)
         return [spin, (pull - 0.5 * change * spin**2) / inertia(phi)]
 
-    def arrived(_, state):
+    def reached(_, state):
         return state[0] - end
 
-    arrived.terminal = True
-    run = solve_ivp(rates, (0.0, 20.0), [start, 0.0], events=arrived, rtol=1e-11, atol=1e-13)
+    reached.terminal = True
+    run = solve_ivp(rates, (0.0, 20.0), [start, 0.0], events=reached, rtol=1e-11, atol=1e-13)
     given = {"start": start, "angle": angle, "g": G}
     assert time_to(shape, end, **given) == pytest.approx(float(run.t_events[0][0]), rel=1e-8)
     assert spin_at(shape, run.y[0, 1:], **given) == pytest.approx(run.y[1, 1:], rel=1e-7)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ninedisk.references.analytic.on_plane.rolling_off import fallen_time, falling, rolled_off, saddle
+from ninedisk.references.analytic.on_plane.rolling_off import fall_time, falling, rolled_off, saddle
 
 RATES = {1: 27.180, 2: 31.942, 3: 34.090, 5: 35.790, 10: 35.994, 20: 33.996, 50: 29.390, 100: 25.489}
 """Size ratio and growth rate [1/s] of a grain on spheres of 1 cm under 9.81 m/s^2, to the digits given."""
@@ -51,7 +51,7 @@ def test_a_grain_in_a_groove_falls_as_newton_and_euler_say() -> None:
 
     place = found.arm * np.array([0.0, math.sin(start), math.cos(start)])
     rate = math.sqrt(g * found.arm / found.inertia)
-    end = float(fallen_time(reached=0.9, start=start)) / rate
+    end = float(fall_time(reached=0.9, start=start)) / rate
     times = np.linspace(0.0, end, 9)
     run = solve_ivp(rates, (0.0, end), np.concatenate([place, np.zeros(6)]), t_eval=times, rtol=1e-11, atol=1e-12)
     seen = np.arctan2(run.y[1], run.y[2])
@@ -61,14 +61,14 @@ def test_a_grain_in_a_groove_falls_as_newton_and_euler_say() -> None:
 
 @pytest.mark.parametrize("start", [math.radians(1.0), 0.5])
 def test_time_and_angle_are_inverse_and_solve_the_pendulum(start: float) -> None:
-    times = np.linspace(0.0, float(fallen_time(reached=1.2, start=start)) / 3.0, 8)
+    times = np.linspace(0.0, float(fall_time(reached=1.2, start=start)) / 3.0, 8)
     angles = falling(t=times, rate=3.0, start=start)
     run = solve_ivp(
         lambda _, y: [y[1], 9.0 * math.sin(y[0])], (0.0, times[-1]), [start, 0.0], t_eval=times, rtol=1e-12, atol=1e-14
     )
     np.testing.assert_allclose(angles, run.y[0], rtol=1e-8)
-    np.testing.assert_allclose(fallen_time(reached=angles[1:], start=start), 3.0 * times[1:], rtol=1e-7)
-    assert fallen_time(reached=0.9 * start, start=start) == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(fall_time(reached=angles[1:], start=start), 3.0 * times[1:], rtol=1e-7)
+    assert fall_time(reached=0.9 * start, start=start) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize(("k", "cosine"), [(0.5, 4.0 / 7.0), (0.4, 10.0 / 17.0)])

@@ -100,7 +100,7 @@ def test_closed_forms_solve_the_equations_of_motion(model, angle):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.05, 0.3])
-def test_accelerations_are_those_of_the_velocities_and_these_of_the_way(angle):
+def test_accelerations_are_those_of_the_velocities_and_these_of_the_path(angle):
     h, at = 1e-5, np.linspace(0.1, 2.0, 39)
     t = np.concatenate([at - h, at, at + h])
     for curve in (

@@ -13,11 +13,11 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import ContactLaw, Scene, Wall, WallSegment
 from ninedisk.harness.selftest.declared import DECLARED
 from ninedisk.harness.selftest.defect import After, Before, Defect
-from ninedisk.harness.selftest.histories import changed, late, minus
+from ninedisk.harness.selftest.histories import changed, delayed, negated
 from ninedisk.harness.selftest.setups import (
     first_segment,
     like_first,
-    mixed,
+    mixed_friction,
     next_step,
     spins_swapped,
     with_disks,
@@ -43,7 +43,7 @@ def _friction(factor: float) -> Callable[[ContactLaw], ContactLaw]:
     return lambda law: replace(law, mu=factor * law.mu)
 
 
-def _squared(law: ContactLaw) -> ContactLaw:
+def _squared_mu(law: ContactLaw) -> ContactLaw:
     """A pair's coefficient as the product of the two bodies', each of which was given the pair's."""
     return replace(law, mu=law.mu**2)
 
@@ -55,7 +55,7 @@ def _walls_late(scene: Scene, numerics: Numerics) -> tuple[Scene, Numerics]:
     return scene.replace(walls=tuple(wait(wall) for wall in scene.walls)), numerics
 
 
-def _sunk(scene: Scene) -> Scene:
+def _walls_sunk(scene: Scene) -> Scene:
     """Walls lie deeper than they are said to."""
     walls = tuple(
         replace(wall, point=(wall.point[0] - SLOP * wall.normal[0], wall.point[1] - SLOP * wall.normal[1]))
@@ -64,7 +64,7 @@ def _sunk(scene: Scene) -> Scene:
     return scene.replace(walls=walls)
 
 
-def _released(scene: Scene, *, moving: bool) -> Scene:
+def _released_disks(scene: Scene, *, moving: bool) -> Scene:
     """Disks that are held move freely: those that are held at rest, or at a velocity."""
     driven = np.any(scene.disks.v, axis=1)[:, None]
     return with_disks(scene, held=scene.disks.held & (driven != moving))
@@ -80,7 +80,7 @@ def _swapped(history: History) -> History:
     return replace(history, x=history.x[:, order], v=history.v[:, order])
 
 
-def _frozen(history: History) -> History:
+def _frozen_history(history: History) -> History:
     def first(array: np.ndarray) -> np.ndarray:
         return np.repeat(array[:1], len(array), axis=0)
 
@@ -98,7 +98,7 @@ def _scene(change: Callable[[Scene], Scene]) -> Before:
     return lambda scene, numerics: (change(scene), numerics)
 
 
-def _still(segment: WallSegment) -> WallSegment:
+def _without_motion(segment: WallSegment) -> WallSegment:
     return replace(segment, velocity=(0.0, 0.0))
 
 
@@ -107,12 +107,12 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
      _scene(lambda scene: with_motion(scene, lambda segment: replace(segment, angular_velocity=0.0)))),
     ("wall-pivot", "walls turn about the point by which they are given", "turn",
      _scene(lambda scene: with_motion(scene, lambda segment: replace(segment, pivot=None)))),
-    ("wall-speed-ignored", "walls that move along a line stay", "against", _scene(lambda scene: with_motion(scene, _still))),
+    ("wall-speed-ignored", "walls that move along a line stay", "against", _scene(lambda scene: with_motion(scene, _without_motion))),
     ("wall-curve-ignored", "walls that swing stay", "shake",
      _scene(lambda scene: with_motion(scene, lambda segment: replace(segment, amplitude=(0.0, 0.0))))),
     ("walls-late", "walls are where they were a step before", "shake", _walls_late),
     ("friction-less", "friction is a fifth too small", "slide", _scene(lambda scene: with_laws(scene, _friction(0.8)))),
-    ("friction-product", "friction is the square of what it should be", "slide", _scene(lambda scene: with_laws(scene, _squared))),
+    ("friction-product", "friction is the square of what it should be", "slide", _scene(lambda scene: with_laws(scene, _squared_mu))),
     ("gravity-more", "gravity is a tenth too strong", "bounce", _scene(lambda scene: _scaled_gravity(scene, factor=1.1))),
     ("gravity-turned", "gravity is off by one degree", "slide",
      _scene(lambda scene: _scaled_gravity(scene, turn=math.radians(1.0)))),
@@ -124,11 +124,11 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
     ("restitution-less", "restitution is a twentieth too small", "hit", _scene(lambda scene: with_laws(scene, _restitution(0.95)))),
     ("spin-ignored", "spins at the start are ignored", "graze", _scene(lambda scene: with_disks(scene, omega=0.0 * scene.disks.omega))),
     ("damped", "velocities fall by a hundredth a second", "stop", _scene(lambda scene: scene.replace(xi=0.01))),
-    ("slop", "walls are two millimetres deeper", "stick", _scene(_sunk)),
+    ("slop", "walls are two millimetres deeper", "stick", _scene(_walls_sunk)),
     ("step-twice", "steps are twice as long as they say", "slide", _twice_the_step),
-    ("fixed-moves", "disks that are held at rest move", "fixed", _scene(lambda scene: _released(scene, moving=False))),
-    ("held-moves", "disks that are held at a velocity change it", "held", _scene(lambda scene: _released(scene, moving=True))),
-    ("materials-mixed", "the friction of two materials is a mean of theirs", "materials", _scene(mixed)),
+    ("fixed-moves", "disks that are held at rest move", "fixed", _scene(lambda scene: _released_disks(scene, moving=False))),
+    ("held-moves", "disks that are held at a velocity change it", "held", _scene(lambda scene: _released_disks(scene, moving=True))),
+    ("materials-mixed", "the friction of two materials is a mean of theirs", "materials", _scene(mixed_friction)),
     ("forces-by-step", "forces on disks begin and end with a step", "forces", next_step),
     ("mass-of-first", "every disk has the mass of the first", "unequal", _scene(like_first("mass"))),
     ("radius-of-first", "every disk has the radius of the first", "unequal", _scene(like_first("radius"))),
@@ -140,15 +140,15 @@ SCENES: tuple[tuple[str, str, str, Before], ...] = (
 """Name, what is wrong, witness, and what the engine sees in place of scene and numerics."""
 
 REPORTS: tuple[tuple[str, str, str, After], ...] = (
-    ("velocities-late", "velocities are those of the step before", "roll", changed(late, "v", "omega")),
-    ("places-late", "places are those of the step before", "held", changed(late, "x")),
+    ("velocities-late", "velocities are those of the step before", "roll", changed(delayed, "v", "omega")),
+    ("places-late", "places are those of the step before", "held", changed(delayed, "x")),
     ("forces-twice", "forces are reported twice as large", "stick", changed(lambda array: 2.0 * array, "fn", "fs")),
     ("impulses", "impulses of a step are reported as forces", "stick", _impulses),
-    ("shear-sign", "shear forces have the wrong sign", "slide", changed(minus, "fs")),
-    ("spin-sign", "spins are counted clockwise", "roll", changed(minus, "angle", "omega")),
+    ("shear-sign", "shear forces have the wrong sign", "slide", changed(negated, "fs")),
+    ("spin-sign", "spins are counted clockwise", "roll", changed(negated, "angle", "omega")),
     ("gap-offset", "gaps are two millimetres too large", "stick", changed(lambda array: array + SLOP, "gap")),
     ("bodies-swapped", "bodies are reported in the wrong order", "hit", _swapped),
-    ("frozen", "nothing moves", "slide", _frozen),
+    ("frozen", "nothing moves", "slide", _frozen_history),
 )
 """Name, what is wrong, witness, and what the engine reports in place of its history."""
 

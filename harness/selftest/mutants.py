@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.selftest import cd_sources, dem_sources, grain_sources, histories, lies, setups, sphere_sources
+from ninedisk.harness.selftest import (
+    cd_sources,
+    dem_sources,
+    faulty_engines,
+    grain_sources,
+    histories,
+    setups,
+    sphere_sources,
+)
 from ninedisk.harness.selftest.defect import Defect
 from ninedisk.harness.selftest.edits import Edit
 from ninedisk.harness.selftest.panel import ENGINES
@@ -26,7 +34,7 @@ CLEAN = (
     ),
 )
 
-GALLERY: tuple[Defect, ...] = tuple(
+MUTANTS: tuple[Defect, ...] = tuple(
     sorted(
         (
             *dem_sources.DEFECTS,
@@ -35,7 +43,7 @@ GALLERY: tuple[Defect, ...] = tuple(
             *cd_sources.DEFECTS,
             *setups.DEFECTS,
             *histories.DEFECTS,
-            *lies.DEFECTS,
+            *faulty_engines.DEFECTS,
         ),
         key=lambda defect: ENGINES.index(defect.engine),
     )
@@ -51,18 +59,18 @@ def chosen_defects(globs: Sequence[str]) -> list[Defect]:
         If a pattern matches nothing.
     """
     for glob in globs:
-        if not any(_matches(defect, glob) for defect in GALLERY):
-            known = [defect.id for defect in GALLERY]
+        if not any(_matches(defect, glob) for defect in MUTANTS):
+            known = [defect.id for defect in MUTANTS]
             raise UsageError(
                 f"no planted defect matches {glob!r}.{close_matches(glob, known)} ninedisk selftest --list shows all "
                 f"{len(known)} (quote patterns such as 'dem/torque-*')"
             )
-    return [defect for defect in GALLERY if not globs or any(_matches(defect, glob) for glob in globs)]
+    return [defect for defect in MUTANTS if not globs or any(_matches(defect, glob) for glob in globs)]
 
 
-def repeated(gallery: Sequence[Defect]) -> list[str]:
+def repeated_ids(defects: Sequence[Defect]) -> list[str]:
     """Ids that occur more than once."""
-    return [name for name, count in Counter(defect.id for defect in gallery).items() if count > 1]
+    return [name for name, count in Counter(defect.id for defect in defects).items() if count > 1]
 
 
 def _matches(defect: Defect, glob: str) -> bool:

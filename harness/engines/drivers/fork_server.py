@@ -1,4 +1,4 @@
-"""Starts runs of a driver as copies of this process, which has loaded the engine: ``nursery.py LINK driver.py [arguments]``.
+"""Starts runs of a driver as copies of this process, which has loaded the engine: ``fork_server.py LINK driver.py [arguments]``.
 
 Plain Python, as it runs inside other programs. LINK is the descriptor of a socket that keeps messages apart. A message is a JSON object
 (``cwd``, ``env``) with three descriptors, the run's standard streams; the copy answers with its process number once it leads a
@@ -42,7 +42,7 @@ def main():
             sys.stderr.flush()
             running = os.fork()
             if not running:
-                begin(link, json.loads(text), streams)
+                become_run(link, json.loads(text), streams)
                 return False
             for stream in streams:
                 os.close(stream)
@@ -59,7 +59,7 @@ def main():
                 os.killpg(running, signal.SIGKILL)
 
 
-def begin(link, asked, streams):
+def become_run(link, asked, streams):
     """Make this copy what a process is that was just started for the run."""
     os.setsid()
     for number, stream in enumerate(streams):

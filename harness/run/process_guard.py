@@ -32,7 +32,7 @@ _lock = threading.Lock()
 _token, _pipe = "", -1
 
 
-def owned(environment: Mapping[str, str] | None = None) -> dict[str, str]:
+def guarded_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
     """Environment for a process that ends with this one, if not before.
 
     Parameters
@@ -51,11 +51,11 @@ def owned(environment: Mapping[str, str] | None = None) -> dict[str, str]:
         return kept
     with _lock:
         if not _token:
-            _token, _pipe = _begin()
+            _token, _pipe = _start_guard()
         return {**kept, MARK: _token}
 
 
-def _begin() -> tuple[str, int]:
+def _start_guard() -> tuple[str, int]:
     """Start the warden; its mark, and the descriptor that this process holds until it ends."""
     token = os.urandom(16).hex()
     reading, writing = os.pipe()
@@ -82,7 +82,7 @@ def _begin() -> tuple[str, int]:
     return token, writing
 
 
-def _forget() -> None:
+def _forget_guard() -> None:
     """In a copy of this process: its end is not its owner's, and what it starts is its own."""
     global _token, _pipe, _lock
     if _pipe >= 0:
@@ -90,16 +90,16 @@ def _forget() -> None:
     _token, _pipe, _lock = "", -1, threading.Lock()
 
 
-os.register_at_fork(after_in_child=_forget)
+os.register_at_fork(after_in_child=_forget_guard)
 
 
-def watch(reading: int, token: str) -> None:
+def watch_owner(reading: int, token: str) -> None:
     """Wait until nobody holds the other end of the pipe, then end every process that carries the mark."""
     while os.read(reading, 1):
         pass
     mark = f"{MARK}={token}".encode()
     begin, asked = time.monotonic(), set[int]()
-    while (alive := _marked(mark)) and time.monotonic() < begin + PATIENCE:
+    while (alive := _guarded_processes(mark)) and time.monotonic() < begin + PATIENCE:
         late = time.monotonic() >= begin + GRACE
         for pid in alive if late else alive - asked:
             with suppress(ProcessLookupError, PermissionError):
@@ -108,7 +108,7 @@ def watch(reading: int, token: str) -> None:
         time.sleep(0.02)
 
 
-def _marked(mark: bytes) -> set[int]:
+def _guarded_processes(mark: bytes) -> set[int]:
     found = set()
     for folder in _PROCESSES.iterdir():
         if folder.name.isdigit():
@@ -121,4 +121,4 @@ def _marked(mark: bytes) -> set[int]:
 if __name__ == "__main__":
     if os.fork():
         os._exit(0)
-    watch(int(sys.argv[1]), sys.argv[2])
+    watch_owner(int(sys.argv[1]), sys.argv[2])

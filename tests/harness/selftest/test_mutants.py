@@ -17,14 +17,14 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.run.judge import blank_history
 from ninedisk.harness.selftest.defect import KINDS, Defect
 from ninedisk.harness.selftest.edits import Edit, StaleEditError, by_module, check_edits, edited
-from ninedisk.harness.selftest.gallery import CLEAN, GALLERY, chosen_defects, repeated
 from ninedisk.harness.selftest.histories import STATE, WALLS
+from ninedisk.harness.selftest.mutants import CLEAN, MUTANTS, chosen_defects, repeated_ids
 from ninedisk.harness.selftest.panel import PANELS, panel_cells
 from ninedisk.harness.selftest.run import touches_kernels
 
 
 def of_kind(*kinds: str) -> list[Defect]:
-    return [defect for defect in GALLERY if defect.kind in kinds]
+    return [defect for defect in MUTANTS if defect.kind in kinds]
 
 
 def setup_of(defect: Defect) -> Setup:
@@ -41,12 +41,12 @@ def source_of(module: str) -> str:
 
 
 def test_it_is_large_and_has_every_kind_for_both_engines() -> None:
-    assert len(GALLERY) >= 40
+    assert len(MUTANTS) >= 40
     assert len(of_kind("kernel", "python")) >= 15
-    assert {defect.kind for defect in GALLERY} == set(KINDS) - {"clean"}
-    assert {defect.engine for defect in GALLERY} == set(PANELS)
-    assert repeated((*CLEAN, *GALLERY)) == []
-    assert all(defect.what and defect.witness in PANELS[defect.engine] for defect in GALLERY)
+    assert {defect.kind for defect in MUTANTS} == set(KINDS) - {"clean"}
+    assert {defect.engine for defect in MUTANTS} == set(PANELS)
+    assert repeated_ids((*CLEAN, *MUTANTS)) == []
+    assert all(defect.what and defect.witness in PANELS[defect.engine] for defect in MUTANTS)
 
 
 @pytest.mark.parametrize("defect", of_kind("kernel", "python"), ids=lambda defect: defect.id)
@@ -72,14 +72,14 @@ def test_no_kernel_takes_a_constant_from_a_module_that_is_edited_beside_compiled
     }
     assert "ninedisk.core.dem.state" in read
     edits = [
-        edit for defect in (*CLEAN, *GALLERY) if not any(map(touches_kernels, defect.edits)) for edit in defect.edits
+        edit for defect in (*CLEAN, *MUTANTS) if not any(map(touches_kernels, defect.edits)) for edit in defect.edits
     ]
     assert edits
     assert read.isdisjoint(edit.name for edit in edits)
 
 
 @pytest.mark.parametrize("defect", of_kind("scene", "numerics"), ids=lambda defect: defect.id)
-def test_what_the_engine_is_told_differs(defect: Defect) -> None:
+def test_what_the_engine_is_reported_differs(defect: Defect) -> None:
     setup = setup_of(defect)
     assert defect.before is not None
     scene, numerics = defect.before(setup.scene, setup.numerics)
@@ -126,7 +126,7 @@ def test_what_the_engine_reports_differs(defect: Defect) -> None:
     ],
     ids=["gone", "ambiguous", "idle", "no-module", "no-function"],
 )
-def test_an_edit_that_went_stale_is_told(edit: Edit, said: str) -> None:
+def test_an_edit_that_went_stale_is_reported(edit: Edit, said: str) -> None:
     with pytest.raises(StaleEditError, match=rf"went stale.*{said}") as caught:
         check_edits((edit,))
     assert edit.name in str(caught.value)
@@ -135,10 +135,10 @@ def test_an_edit_that_went_stale_is_told(edit: Edit, said: str) -> None:
 def test_patterns_choose_by_id_or_name() -> None:
     assert {defect.engine for defect in chosen_defects(["reaction"])} == {"dem", "cd"}
     assert [defect.id for defect in chosen_defects(["dem/reaction"])] == ["dem/reaction"]
-    assert chosen_defects([]) == list(GALLERY)
+    assert chosen_defects([]) == list(MUTANTS)
     with pytest.raises(UsageError, match=r"no planted defect matches 'dem/torqe-sign'.*Did you mean 'dem/torque-sign'"):
         chosen_defects(["dem/torqe-sign"])
 
 
 def test_the_same_name_twice_is_found() -> None:
-    assert repeated((*GALLERY, GALLERY[0])) == [GALLERY[0].id]
+    assert repeated_ids((*MUTANTS, MUTANTS[0])) == [MUTANTS[0].id]

@@ -37,7 +37,7 @@ def session(scene: Scene, dt: float, steps: int = 2000, **changes: object) -> De
 
 
 @pytest.mark.parametrize("form", ["central", "lagged"])
-def test_a_packing_that_the_first_step_does_not_bear_is_refused_on_the_way(form: str) -> None:
+def test_a_packing_that_the_first_step_does_not_bear_is_refused_during_the_run(form: str) -> None:
     scene = falling()
     critical = critical_time_step(scene, damping_form=form)  # type: ignore[arg-type]
     run = session(scene, 0.95 * critical, damping_form=form)
