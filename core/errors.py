@@ -1,7 +1,7 @@
 """One exception per mistake that a user of the core can make.
 
 Every message names the bad value, the allowed range and the way out, so that the
-command line can show it as it stands.
+command line can show it unchanged.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ninedisk.core.array_types import FloatArray
 
 
 class CoreError(ValueError):
-    """Base of every error that the core raises on purpose.
+    """Base of every error that the core raises deliberately.
 
     Examples
     --------

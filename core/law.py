@@ -266,7 +266,7 @@ class ContactLaw:
         until the neck breaks, ``3 pi g R`` at most.
         It begins at overlap 0, with 8/9 of that, and its contact radius is the ``a`` of the dashpot and of the shear stiffness.
     friction_pull : float
-        Share of the pull-off that stands beside fn in the limit of friction, ``mu (fn + friction_pull F)``, and in those of the
+        Share of the pull-off that is beside fn in the limit of friction, ``mu (fn + friction_pull F)``, and in those of the
         resistances, in [0, 2]. 1: where the surfaces pull each other most nothing rubs. 2: Thornton (1991) of JKR's law, LAMMPS of both.
     cohesion : float
         Linear cohesion [N/m], >= 0 and below ``kn``: overlapping bodies attract each other by ``cohesion`` times the overlap, so that

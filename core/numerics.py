@@ -68,7 +68,7 @@ class Numerics:
     allow_unstable : bool
         True: run although ``contact_dt`` exceeds the critical step.
     energy_budget : bool
-        True: all channels of the energy are sampled (`History.energy`), not only those that the state tells.
+        True: all channels of the energy are sampled (`History.energy`), not only those that the state reports.
     options : mapping
         Settings of one engine, named by that engine (e.g. ``{"pymunk.iterations": 100}``).
 

@@ -60,7 +60,7 @@ class Option:
         return f"in {'(' if self.low_open else '['}{self.low:g}, {self.high:g}{')' if self.high_open else ']'}"
 
     def parsed(self, name: str, text: str) -> Any:
-        """The value that a text stands for, if it is allowed; raises as `checked` does."""
+        """The value that a text represents, if it is allowed; raises as `checked` does."""
         if self.choices or self.text:
             return self.checked(name, text)
         if self.none and text == "none":

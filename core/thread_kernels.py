@@ -68,7 +68,7 @@ def wait_until(progress: NDArray[np.int64], at: int, value: int) -> None:
 
 @inline_kernel
 def wait_for_all(flags: NDArray[np.int64], thread: int, threads: int) -> None:
-    """Barrier: returns when all ``threads`` threads have arrived.
+    """Barrier: returns when all ``threads`` threads have reached it.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ Bodies and contacts obey, with ``p >= 0`` pressing, ``u_n > 0`` opening and fric
     M v = f + H r,     u = H' v + w     or, the bodies eliminated,     u = W r + q
     0 <= p  complementary to  u_n >= 0,     |r_t| <= mu p,     mu p |u_t| + r_t u_t = 0
 
-which is Coulomb's law; under the associated rule ``u_n - mu |u_t|`` stands in the place of u_n. (H as Siconos and FCLIB have it, a
+which is Coulomb's law; under the associated rule ``u_n - mu |u_t|`` replaces u_n. (H as Siconos and FCLIB have it, a
 column for each contact force.) Nothing is solved here and nothing is taken from those who solve: a solution is judged by what it
 claims.
 """
@@ -121,7 +121,7 @@ def errors_of_motion(
     *,
     associated: bool = False,
 ) -> Errors:
-    """Errors of the forces ``r``, and the motion ``v`` if the solution tells of it, in ``M v = f + H r``, ``u = H' v + w``.
+    """Errors of the forces ``r``, and the motion ``v`` if the solution gives it, in ``M v = f + H r``, ``u = H' v + w``.
 
     Parameters
     ----------
@@ -178,8 +178,8 @@ def friction_error(fn: ArrayLike, fs: ArrayLike, slip: ArrayLike, mu: ArrayLike)
     The error is the sum of ``|fs - asked|`` over the sum of ``mu fn``: 0 is exact, 1 a slide without friction, 2 one pushed along.
 
     A natural map ``|fs - clip(fs - rho slip, -mu fn, mu fn)|`` is the same for rho without bound. Any other rho is a mass over a time
-    that somebody has to choose, and decides how much of the error a slow slip is forgiven; here nothing is chosen. The price is a
-    jump at slip 0, which no rounded velocity hits: who measures slips knows how well, and hands over 0 for those that it cannot tell
+    that a user has to choose, and decides how much of the error a slow slip is forgiven; here nothing is chosen. The price is a
+    jump at slip 0, which no rounded velocity hits: who measures slips knows how well, and hands over 0 for those that it cannot decide
     from none. Such a contact is held to the cone alone, so that the error is a lower bound as far as slips that slow go. Weights
     are forces and not works ``fs slip``, or else a few fast slips would be all that counts, and contacts that stick outside the cone
     nothing. Whether ``fn`` itself is right is asked by `errors_of_forces`, with the bodies' equations.
@@ -234,7 +234,7 @@ def planar_bodies(
     """Matrices of rigid bodies in the plane with elastic contacts, fields and signs as docs/reference/notation.md has them.
 
     A contact opens with ``(v_j - v_i) . n`` and slides with ``(v_i - v_j) . t``, t being n turned counter-clockwise. Unknowns with an
-    infinite mass are left out, at rest. A compliance is an unknown s of its own, with the mass 1/C: ``s/C = r`` adds ``C r`` to u.
+    infinite mass are left out, at rest. A compliance is its own unknown s, with the mass 1/C: ``s/C = r`` adds ``C r`` to u.
 
     Parameters
     ----------

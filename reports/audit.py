@@ -14,7 +14,7 @@ from ninedisk.reports.folder import fresh_folder
 
 MARKER = ".ninedisk-audit"
 SHADE = {"violated": "out3", "holds": "in0", "not decidable": "none"}
-"""Colour class of each verdict; the word itself stands beside it."""
+"""Colour class of each verdict; the word itself is beside it."""
 SYMBOL = {"violated": "✗", "holds": "✓", "not decidable": "?"}
 WIDTH, HEIGHT = 620.0, 360.0
 """Largest size of a picture [CSS pixels]."""
@@ -65,7 +65,7 @@ def write_audit(record: Mapping[str, Any], out: Path) -> Path:
 
 
 def _over_time(check: Mapping[str, Any]) -> PointChart | None:
-    """Value and allowance of the worst of each instant; what is below a part in 10,000 of any allowance stands there."""
+    """Value and allowance of the worst of each instant; what is below a part in 10,000 of any allowance is there."""
     rows = [row for row in check["series"] if all(math.isfinite(each) for each in row)]
     positive = [each for _, value, allowed in rows for each in (value, allowed) if each > 0.0]
     if len(rows) < 3 or not positive or not any(value > 0.0 for _, value, _ in rows):

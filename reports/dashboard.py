@@ -374,7 +374,7 @@ class Group:
 
     @property
     def worst(self) -> Mark:
-        """The mark that stands for the group."""
+        """The mark that represents the group."""
         return self.marks[0]
 
 
@@ -455,7 +455,7 @@ def last_steps(history: StoreHistory) -> dict[str, Step]:
 def groups(chosen: Iterable[Mark]) -> list[Group]:
     """Marks joined where one change of the code can be the cause of all; the order of the worst ones is kept.
 
-    A line tells only that the change lies after the run before its mark and not after the run at it. Lines of several
+    A line says only that the change lies after the run before its mark and not after the run at it. Lines of several
     machines have their runs at different times: they are joined if these spans have a run in common.
     """
     found: list[tuple[tuple[str, str, str], list[int], list[Mark]]] = []

@@ -11,7 +11,7 @@ from ninedisk.reports.panel.model import Panel
 
 
 def shade(row: Row) -> str:
-    """Colour class of a square; its word or number stands in it."""
+    """Colour class of a square; its word or number is in it."""
     if row["verdict"] == "not applicable":
         return "none"
     if row["verdict"] in ("different", "broken"):

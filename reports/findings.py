@@ -18,7 +18,7 @@ from ninedisk.reports.panel.model import Panel
 from ninedisk.reports.panel.text import as_float
 
 COLOURS = {"larger": "out3", "gone": "in0", "there": "out1", "not-measured": "none"}
-"""Colour class of each verdict; the word itself stands beside it."""
+"""Colour class of each verdict; the word itself is beside it."""
 
 
 def of_engines(stored: Stored) -> list[EvaluatedFinding]:
@@ -46,7 +46,7 @@ def _of_source(finding: EvaluatedFinding) -> bool:
 
 
 def findings_page(env: Environment, panel: Panel) -> str:
-    """All findings: what has changed, engines, the source, and what the store cannot tell."""
+    """All findings: what has changed, engines, the source, and what the store cannot show."""
     found = panel.stored.findings
     known = [each for each in found if each.verdict == "there"]
     groups = [

@@ -150,7 +150,7 @@ MODES = {
 """What the squares of the matrix can show; the first one that the store has is shown at the start."""
 
 PARTS = {"In the plane": False, "In space": True}
-"""Parts of the matrix, and whether a case's scenes are in space; told where there are both."""
+"""Parts of the matrix, and whether a case's scenes are in space; given where there are both."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ VERDICT_CLASS = {
     "step-independent": "in1",
     "exact": "in0",
 }
-"""Colour class of each verdict; the word itself stands beside it."""
+"""Colour class of each verdict; the word itself is beside it."""
 
 
 def environment() -> Environment:
@@ -141,7 +141,7 @@ def _chart(record: Mapping[str, Any], unit: str, by: str, rows: Sequence[Row]) -
     looks = engine_looks(names)
     dots = []
     for row in rows:
-        # A difference stands at the coarser of its two steps; the slope is the same.
+        # A difference is at the coarser of its two steps; the slope is the same.
         series = row["errors"] if by == "error" else row["differences"]
         points = [(h, y) for h, y in zip(record["steps"], series, strict=False) if y > row["floor"]]
         x, y = zip(*sorted(points), strict=True)

@@ -113,7 +113,7 @@ WARM = {"cases", "engines", "kinds", "verification"}
 
 
 class ForkServers(dict[tuple[str, ...], Any]):
-    """Nurseries by their commands and environments, in which pytest has the name of the test."""
+    """Fork servers by their commands and environments, in which pytest has the name of the test."""
 
     def pop(self, key: Any, default: Any = None) -> Any:
         return super().pop(self.shared(key), default)
@@ -149,7 +149,7 @@ def cold_starts() -> None:
 
 @pytest.fixture
 def cells_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`ninedisk run` runs its cells in this process, which has its kernels, and not in a worker of its own, which has to load them."""
+    """`ninedisk run` runs its cells in this process, which has its kernels, and not in its own worker, which has to load them."""
     from ninedisk.harness.run import workers
 
     def run_here(cells: Any, progress: Any = None, *, published: Any = None, **_: object) -> Any:

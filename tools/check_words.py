@@ -67,8 +67,11 @@ class Hit(NamedTuple):
 
 
 def _pattern(phrases: Iterable[str]) -> re.Pattern[str] | None:
-    """Whole words in any case; a blank is any white space, also a new line of comments."""
-    parts = ["".join(r"\s+" if c == " " else re.escape(c) for c in phrase) for phrase in phrases]
+    """Whole words in any case; a blank is any white space. A phrase with a full stop counts where no word follows."""
+    parts = [
+        "".join(r"\s+" if c == " " else re.escape(c) for c in phrase.rstrip(".")) + r"(?!\s+\w)" * phrase.endswith(".")
+        for phrase in phrases
+    ]
     return re.compile(r"(?<![\w-])(?:" + "|".join(parts) + r")(?![\w-])", re.IGNORECASE) if parts else None
 
 
@@ -105,7 +108,7 @@ def read_rules(glossary: str) -> list[Rule]:
 
 def may_have(rules: Sequence[Rule], source: str) -> bool:
     """Whether a file may have a word of the rules: a fast look that spares most files the parser."""
-    words = [re.split(r"\W+", word) for rule in rules for word in rule.words]
+    words = [re.split(r"\W+", word.rstrip(".")) for rule in rules for word in rule.words]
     low = source.lower()
     likely = [parts for parts in words if all(part in low for part in parts)]
     gap = r"[\W_]*"

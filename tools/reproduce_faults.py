@@ -4,7 +4,7 @@
     python tools/reproduce_faults.py D1 R1      these alone
     python tools/reproduce_faults.py --list     their names
 
-Exits with 1 if any answer is wrong. Each fault also has a test of its own; this script shows all of them at a glance.
+Exits with 1 if any answer is wrong. Each fault also has its own test; this script shows all of them at a glance.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def fault(name: str, right: str) -> Callable[[Callable[[], Answer]], Callable[[]
 
 
 def ninedisk(*arguments: str, limit: float = 600.0, folder: str | None = None) -> subprocess.CompletedProcess[str]:
-    """Run the command line in a process of its own."""
+    """Run the command line in its own process."""
     return subprocess.run(
         [sys.executable, "-m", "ninedisk", *arguments],
         capture_output=True, text=True, errors="replace", timeout=limit, check=False, cwd=folder,

@@ -524,7 +524,7 @@ def choose(laws: Laws, near: Near, chosen: Chosen) -> int:
 def _needs_no_force(k: int, laws: Laws, near: Near) -> bool:
     """Whether the pair leaves the solution as it is if it is in the set and need not be.
 
-    Its condition has to contain its gap, as all but those under Newton's law do. And an open contact has to be without force, which one
+    Its condition has to contain its gap, as all except those under Newton's law do. And an open contact has to be without force, which one
     whose shear spring is stretched by ``q/ks`` is not under the associated rule: it would hold on until the gap is ``mu`` times that.
     """
     row = near.frames.row[k]

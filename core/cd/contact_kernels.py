@@ -632,7 +632,7 @@ def carry_springs(
 
 
 FARTHEST = 0.1
-"""Way along an outline, over its length, that a contact is followed in one step; a strictly convex pair's one contact always is."""
+"""Path along an outline, over its length, that a contact is followed in one step; a strictly convex pair's one contact always is."""
 
 
 @kernel

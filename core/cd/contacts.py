@@ -203,7 +203,7 @@ class GrainFrames:
         return found.pick(self._order(pairs, at))
 
     def _with_chords(self, place: Place, at_walls: IntArray, between: IntArray, near: Meetings) -> Meetings:
-        """Chords of the elastic bodies that overlap, and the features that no chord stands for."""
+        """Chords of the elastic bodies that overlap, and the features that no chord represents."""
         touching, rows = self._chords(place, at_walls, between)
         covered = np.zeros(len(near.pairs), dtype=np.bool_)
         keys, chord_keys = (pairs[:, 0] * self._bodies + pairs[:, 1] for pairs in (near.pairs, touching))

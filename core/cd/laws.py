@@ -104,7 +104,7 @@ class LawTable:
                     f"the law of {names[k]} has lever_arm = 'torque-overlap', which contact dynamics does not have: its friction "
                     "does work with one arm; use radius or overlap"
                 )
-            # Where materials have laws those of walls and disks may stand for no pair at all.
+            # Where materials have laws those of walls and disks may represent no pair at all.
             acts = used[k] and (k > len(scene.walls) or not scene.laws)
             if self.elastic[k] and law.mu > 0.0 and law.ks == 0.0 and acts:
                 raise InvalidSceneError(
@@ -230,7 +230,7 @@ def wedging_corners(scene: Scene, numerics: Numerics) -> list[str]:
 
     The theta scheme's own law always has a solution, as ``r.u`` of balanced forces is ``p.gap/(theta dt) >= 0`` with walls at rest, and so
     has ``e = 0``, where no c is negative. Parallel walls do not count: what closes one contact opens the other. Contacts between disks
-    can wedge as well, which no scene tells in advance: then the step itself ends in an error.
+    can wedge as well, which no scene shows in advance: then the step itself ends in an error.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contact problems in files: our own ``.npz``, Siconos' text (fc2d, gfc2d) and FCLIB's HDF5, told apart by their content.
+"""Contact problems in files: our own ``.npz``, Siconos' text (fc2d, gfc2d) and FCLIB's HDF5, distinguished by their content.
 
 All of them have the normal before the tangential unknown, ``u_n > 0`` opening and ``p >= 0`` pressing, as `ContactProblem` does.
 FCLIB and Siconos write ``u = W r + q`` (local, fc2d) or ``M v = f + H r``, ``u = H' v + w`` (global, gfc2d): their H is the
@@ -167,8 +167,8 @@ def read_problem(path: str | os.PathLike[str]) -> ProblemFile:
 def write_problem(path: str | os.PathLike[str], problem: Problem, form: Form) -> None:
     """Write a problem in a form of choice.
 
-    FCLIB's receives the bodies (``fclib_global``), a compliance C as an unknown of the mass 1/C, and, in a group of its own, what these
-    matrices cannot tell, so that `read_problem` gives back the same problem bit for bit. Siconos' text receives W by blocks.
+    FCLIB's receives the bodies (``fclib_global``), a compliance C as an unknown of the mass 1/C, and, in its own group, what these
+    matrices cannot decide, so that `read_problem` gives back the same problem bit for bit. Siconos' text receives W by blocks.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def _of_matrices(form: Form, matrices: Reduced | Bodies, answer: Answer | None, 
         m, h, f, w, mu = matrices
         try:
             problem, scale = bodies_of(m, h.T, f, w, mu)
-        except InvalidSceneError:  # what is wrong with the numbers themselves, the reduced problem tells, too
+        except InvalidSceneError:  # what is wrong with the numbers themselves, the reduced problem reports, too
             problem = DelassusProblem.reduced(m, h.T, f, w, mu)
     else:
         problem = DelassusProblem(w=matrices.w, b=matrices.q, mu=matrices.mu)

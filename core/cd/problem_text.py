@@ -5,7 +5,7 @@
     dimension (2), contacts, [matrix], [matrix], q, [b,] mu
 
 A matrix begins with its storage: 0 dense by columns, 1 sparse blocks, 2 sparse as CSparse prints it, to six digits. What comes after mu
-Siconos does not read; there the forces and velocities of a solution stand, in lines of their own.
+Siconos does not read; there the forces and velocities of a solution stand, in their own lines.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TRIPLETS = re.compile(r"triplet: (\d+)-by-(\d+), nzmax: (\d+) nnz: (\d+)")
 
 @dataclass(frozen=True)
 class TextMatrix:
-    """A matrix as a file stores it: its lines but for the numbers of entries can be told from these.
+    """A matrix as a file stores it: its lines but for the numbers of entries can be distinguished from these.
 
     Attributes
     ----------

@@ -114,7 +114,7 @@ LACKS = ("a periodic cell", "rolling resistance")
 class CdSession:
     """Contact dynamics on one scene.
 
-    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a separate session that goes on from the present state, to the same bits.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class SolverOptions:
         Seconds of wall-clock time.
     accept : float or None
         Looser bound up to which Gauss-Seidel, where it gives up, hands over the best forces found in place of an error. The residuals of a
-        result tell which it is.
+        result show which it is.
     relaxation : float
         Over-relaxation of Gauss-Seidel.
     threads : int

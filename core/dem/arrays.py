@@ -58,7 +58,7 @@ LINE = 64
 """Bytes of a line of the caches."""
 
 SAFETY = 0.1
-"""Fraction of the critical step that ``contact_dt = None`` stands for, unless contacts that form later ask for less."""
+"""Fraction of the critical step that ``contact_dt = None`` represents, unless contacts that form later ask for less."""
 
 FIRST_SKIN, LEAST_SKIN, MOST_SKIN = 0.05, 0.02, 0.4
 """Skin of the first lists and limits of later ones as fractions of the mean radius."""

@@ -324,7 +324,7 @@ def _network_rate(scene: Scene, form: DampingForm, place: Place | None = None) -
     root[:, 2] = np.sqrt(turn)
     springs[:, 2:4] = 0.5 * np.sqrt(springs[:, 2:4])
     rolls, rolling = rolling_network(scene, NEAR * float(scene.disks.radius.min()), place)
-    about = np.append(_inverse_moments(scene), 0.0)  # the last one stands for a wall, body -1
+    about = np.append(_inverse_moments(scene), 0.0)  # the last one represents a wall, body -1
     inverse_moment = about[rolling].sum(axis=1)
     rolls[:, 0] = 0.5 * np.sqrt(rolls[:, 0])
     rolls[:, 1] *= share * np.sqrt(1.0 / np.where(inverse_moment > 0.0, inverse_moment, np.inf))
@@ -413,7 +413,7 @@ def _by_law(scene: Scene, pairs: IntArray) -> list[tuple[ContactLaw, NDArray[np.
     """Laws of some pairs of bodies, each with the pairs that have it."""
     n = len(scene.disks)
     _, material = np.unique([*scene.disks.material, *(wall.material for wall in scene.walls)], return_inverse=True)
-    # Walls have a law of their own where there is none for the materials.
+    # Walls have their own law where there is none for the materials.
     kind = np.where(np.arange(scene.n_bodies) < n, material, scene.n_bodies + np.arange(scene.n_bodies))
     keys = kind[pairs].min(axis=1) * (3 * scene.n_bodies) + kind[pairs].max(axis=1)
     found = []

@@ -101,7 +101,7 @@ OUTLINES_LACK = CELL_LACKS = ("materials", "cohesion", "rolling resistance")
 class DemSession:
     """The in-house DEM on one scene.
 
-    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a separate session that goes on from the present state, to the same bits.
 
     Parameters
     ----------

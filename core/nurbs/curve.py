@@ -234,7 +234,7 @@ def check_outline(table: ShapeTable) -> None:
     """Raise `InvalidSceneError` unless the one shape of ``table`` moves on everywhere, runs counter-clockwise and is simple.
 
     Crossings are sought on the polygon of `SEGMENTS` points a piece: passages narrower than its distance from the curve, about
-    1e-3 of a piece's length, cannot be told from crossings.
+    1e-3 of a piece's length, cannot be distinguished from crossings.
     """
     points = []
     for k in range(len(table.piece_span)):

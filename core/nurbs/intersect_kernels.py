@@ -72,7 +72,7 @@ def measured(
     out: ContactRows,
     row: int,
 ) -> tuple[float, float, float]:
-    """Write all but the extents of the contact between intersections ``k`` (entering) and ``m``.
+    """Write all except the extents of the contact between intersections ``k`` (entering) and ``m``.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def contacts_at(
 ) -> int:
     """`placed_contacts`, or `PARALLEL` where boundaries coincide too closely for it."""
     n, kind, i, u, j, v = 0, UNSURE, 0, 0.0, 0, 0.0
-    one_centre = pose.x == 0.0 and pose.y == 0.0  # there is no line of centres to begin with
+    one_centre = pose.x == 0.0 and pose.y == 0.0  # there is no line of centres to start from
     if table.smallest_radius[a] > 0.0 and table.smallest_radius[b] > 0.0 and not one_centre:
         kind, i, u, j, v = convex_lens(table, a, b, pose, work)
         if kind == APART:
@@ -169,7 +169,7 @@ def placed_contacts(
 ) -> int:
     """`pair_contacts` with the second shape's pose relative to the first's, wherever the bounding circles overlap.
 
-    Faces that coincide to rounding have no intersections that can be told apart. The second shape is then shifted by `SHIFT` roundings,
+    Faces that coincide to rounding have no intersections that can be distinguished. The second shape is then shifted by `SHIFT` roundings,
     apart and aside: faces that only touch leave each other, and of sides that lie on one line one comes to be the inner one. Should a
     line lie along the shift, another direction is tried.
     """

@@ -43,7 +43,7 @@ SHIFT = 4000.0
 
 
 APART, LENS, UNSURE = 0, 1, 2
-"""What `convex_lens` finds: no contact, one with two intersections, or nothing that could be told."""
+"""What `convex_lens` finds: no contact, one with two intersections, or nothing that could be decided."""
 
 
 @inline_kernel
@@ -212,7 +212,7 @@ def sort_crossings(n: int, ring: int, root: FloatArray) -> int:
         if (root[0, 0] + root[0, 1] + ring) - (root[kept - 1, 0] + root[kept - 1, 1]) > 1e-4:
             return UNDECIDED
         kept -= 1
-    # A single crossing is one of a pair that rounding cannot tell apart: the curves touch.
+    # A single crossing is one of a pair that rounding cannot distinguish: the curves touch.
     return 0 if kept == 1 else kept
 
 

@@ -1,4 +1,4 @@
-"""Outlines to begin with: exact disk and ellipse, polygons, fits of a polyline or an image; the table of all bodies of a scene."""
+"""Basic outlines: exact disk and ellipse, polygons, fits of a polyline or an image; the table of all bodies of a scene."""
 
 from __future__ import annotations
 

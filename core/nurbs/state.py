@@ -18,10 +18,10 @@ STACK = 256
 
 ENCLOSED, CROSSED, UNDECIDED, FULL = -1, -2, -3, -4
 """What a pair can be instead of a number of contacts: one outline inside the other; an intersection with more than two corners
-whose chords cancel; intersections that could not be told apart (boundaries that coincide); no room in the output."""
+whose chords cancel; intersections that could not be distinguished (boundaries that coincide); no room in the output."""
 
 PARALLEL = -6
-"""Intersections of straight lines, or at corners, that a small shift can tell apart: tried by `intersect_kernels.placed_contacts`."""
+"""Intersections of straight lines, or at corners, that a small shift can distinguish: tried by `intersect_kernels.placed_contacts`."""
 
 TOO_DEEP = -5
 """A grain that is deeper in a wall, or in another grain, than features are followed."""

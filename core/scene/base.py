@@ -314,7 +314,7 @@ class AnyScene:
                 )
 
     def _checked_laws(self) -> dict[tuple[str, str], ContactLaw]:
-        """Laws of materials that somebody has, each pair of names in alphabetical order."""
+        """Laws of materials that some body has, each pair of names in alphabetical order."""
         used = {*self.bodies.material, *(wall.material for wall in self.walls)}
         laws: dict[tuple[str, str], ContactLaw] = {}
         for pair, law in kind_of("laws", self.laws, Mapping).items():  # type: ignore[type-abstract]

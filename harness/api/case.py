@@ -306,7 +306,7 @@ class Check:
 class Headline:
     """What one wants to know of an engine on a case: a quantity beside what the continuous problem says of it.
 
-    It is the same for every engine and every time step, and has no tolerance: it tells how far from the physics a result is.
+    It is the same for every engine and every time step, and has no tolerance: it shows how far from the physics a result is.
 
     Parameters
     ----------

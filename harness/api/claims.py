@@ -1,7 +1,7 @@
 """What the source claims of a case, and what the rules that decide it have in common.
 
 A rule takes the finished cells of one engine on the claim's case and returns whether they confirm it, with the
-evidence; it raises `UndecidedError` where they cannot tell.
+evidence; it raises `UndecidedError` where they cannot decide.
 """
 
 from __future__ import annotations
@@ -207,7 +207,7 @@ def by_value(cells: Cells, varied: str) -> list[dict[Any, CaseResult]]:
 
 
 def published(cells: Cells, quantities: Sequence[str], **wanted: Any) -> Verdict:
-    """Tell whether the published values of some quantities are met in every variant that has them.
+    """Decide whether the published values of some quantities are met in every variant that has them.
 
     A failed check contradicts. A known gap does not: another truth says there that this engine on this variant solves
     another problem than the source did (a spring that is not quite plastic, a gap that is no whole number of steps).

@@ -113,7 +113,7 @@ class Difference(StrEnum):
 
 
 SOFTEST = 1e-2
-"""Largest softness that an engine may state, and what counts where it states none: more would not tell a right law from one that
+"""Largest softness that an engine may state, and what counts where it states none: more would not distinguish a right law from one that
 is off by the few per cent that matter."""
 
 
@@ -180,7 +180,7 @@ class EngineInfo:
         away slowly; from 0 to `SLOPPIEST`. It loosens gaps and heights above what bears a body, nothing else.
     second_order_dashpots : bool
         Whether dashpots see the velocity of t_n to second order, as the exact steps of central differences have it; others
-        extrapolate it in a way of their own, to first order.
+        extrapolate it by their own rules, to first order.
     sweeps : str
         Of engines with ``"impulse"`` contacts: the option that counts the sweeps of Gauss-Seidel kind, from zero, over the contacts in a
         step; ``""``: none. Cases allow for what so few leave of a load (`ninedisk.harness.cases.static.stack`), for no other engine.
@@ -274,7 +274,7 @@ class Timings:
     setup, warm_up, advance : float
         Wall-clock time [s]; ``advance`` is that of the steps alone.
     cpu : float or None
-        CPU time [s] of all threads: comparisons of speed use it. None: the engine cannot tell.
+        CPU time [s] of all threads: comparisons of speed use it. None: the engine does not report it.
     cpu_of : {"stepping", "whole process"}
         What ``cpu`` was spent on. An engine behind a command that does not report it has that of its whole process.
 
@@ -334,7 +334,7 @@ class EngineRun:
     history : History
     timings : Timings
     settings : mapping from str to value
-        Every setting that was chosen on purpose.
+        Every setting that was chosen deliberately.
 
     Examples
     --------
@@ -417,7 +417,7 @@ class Engine(Protocol):
         ...
 
     def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """Tell how faithfully this engine expresses the scene; NO names the missing capabilities."""
+        """Report how faithfully this engine expresses the scene; NO names the missing capabilities."""
         ...
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:

@@ -1,4 +1,4 @@
-"""Mistakes of whoever calls the harness; the command line shows their messages as they stand and exits with 2."""
+"""Mistakes of whoever calls the harness; the command line shows their messages unchanged and exits with 2."""
 
 from __future__ import annotations
 

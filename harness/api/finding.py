@@ -23,7 +23,7 @@ COMMANDS = "ninedisk.harness.wire.findings"
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """Where the size of a finding stands in a store: the largest value of a column over the rows that match.
+    """Where the size of a finding is in a store: the largest value of a column over the rows that match.
 
     Sizes are relative, so that findings can be ranked: ``rel_error`` and ``penetration`` as they are stored, ``abs_error`` and
     ``value`` divided by a scale that the store has as well.

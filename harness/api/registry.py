@@ -218,7 +218,7 @@ def entry_problems() -> tuple[str, ...]:
 
 
 def _registered(group: str) -> tuple[dict[str, Registered], list[str]]:
-    """Ids of a group, and what is wrong with it. A built-in id stays what it is; two strangers with one id get neither."""
+    """Ids of a group, and what is wrong with it. A built-in id stays what it is; two packages with one id get neither."""
     builtin = BUILTIN_CASES if group == CASE_GROUP else BUILTIN_ENGINES
     table = {name: Registered(where, BUILTIN) for name, where in builtin.items()}
     wrong: list[str] = []

@@ -138,7 +138,7 @@ def rigid_support(
     approximations: Sequence[str] = (),
     preload_note: str = NOTE_PRELOAD,
 ) -> Support:
-    """Tell how an engine with rigid contacts expresses a scene; one whose stiffness matters is refused.
+    """Report how an engine with rigid contacts expresses a scene; one whose stiffness matters is refused.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def rigid_support(
 
 
 def has_spring_preload(scene: Scene | SphereScene) -> bool:
-    """Tell whether `without_spring_preload` changes anything.
+    """Decide whether `without_spring_preload` changes anything.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Physics held against anybody's trajectory: formats, the scene beside it, verdicts with derived allowances."""
+"""Physics held against any trajectory: formats, the scene beside it, verdicts with derived allowances."""

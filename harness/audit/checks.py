@@ -678,7 +678,7 @@ class Auditor:
         return depth
 
     def _overlaps(self, state: State) -> tuple[Any, ...]:
-        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not told)."""
+        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given)."""
         cached: tuple[Any, ...] | None = self._cache.get(id(state))
         if cached is not None and cached[0] is state:
             return tuple(cached[1:])

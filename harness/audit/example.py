@@ -1,4 +1,4 @@
-"""A trajectory that passes, with the TOML and the contact forces beside it: a run of our own DEM, to begin with and to spoil."""
+"""A trajectory that passes, with the TOML and the contact forces beside it: a run of our own DEM, to start from and to spoil."""
 
 from __future__ import annotations
 

@@ -108,7 +108,7 @@ class Trajectory:
     form : str
         The format in words.
     clock : {"t", "step", "index"}
-        What tells the time of a frame.
+        What gives the time of a frame.
     """
 
     path: Path
@@ -125,7 +125,7 @@ class _Tokens:
     seen: set[str] = field(default_factory=set)
 
     def rounding(self, most: int) -> Rounding:
-        """Rule that the tokens follow; ``most`` significant digits where they are too few to tell."""
+        """Rule that the tokens follow; ``most`` significant digits where they are too few to decide."""
         values = [token for token in self.seen if float(token) != 0.0]
         finite = np.array([float(token) for token in values])
         finite = finite[np.isfinite(finite)]
@@ -608,7 +608,7 @@ def _series(path: Path, columns: Mapping[str, str]) -> Trajectory:
 
 
 def _series_files(path: Path) -> tuple[list[Path], list[float]]:
-    """Files of a series in the order of time, and the times if an index tells them."""
+    """Files of a series in the order of time, and the times if an index gives them."""
     index = path if path.suffix == ".pvd" else path / "frames.pvd"
     if path.suffix == ".pvd" or (index.exists() and any(path.glob("*.vtp"))):
         try:

@@ -231,7 +231,7 @@ def _bodies(path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapp
     unique, first = np.unique(ids, return_index=True)
 
     def fact(name: str, given: Fact | None) -> FloatArray | None:
-        """What the TOML tells, else the file."""
+        """What the TOML gives, else the file."""
         if given is None:
             return columns[name][first] if name in columns else None
         if isinstance(given, Mapping):
@@ -281,7 +281,7 @@ def _difference_velocities(
     err = (before.ex + after.ex) / span
     if one_sided:
         v = v + (at.t - 0.5 * (before.t + after.t)) * gravity
-        jump = np.full(len(err), np.inf)  # nothing tells what the other side does
+        jump = np.full(len(err), np.inf)  # nothing shows what the other side does
     else:
         change = 2.0 * (before.x - at.x) / (at.t - before.t) + 2.0 * (after.x - at.x) / (after.t - at.t)
         jump = 0.5 * np.sqrt(((0.5 * change - gravity * 0.5 * span) ** 2).sum(axis=1))
@@ -290,7 +290,7 @@ def _difference_velocities(
 
 
 def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally:
-    """Every contact force told: it pushes, and its shear part is at most mu times that."""
+    """Every contact force given: it pushes, and its shear part is at most mu times that."""
     tally = Tally("cone")
     if scene.contacts is None:
         tally.skip(1, 'no contact forces are told: [contacts] file = "..." with columns i, j, fn, fs')

@@ -1,4 +1,4 @@
-"""The TOML beside a trajectory: what the file itself does not tell (masses, walls and their motion, friction, stiffness, the step)."""
+"""The TOML beside a trajectory: what the file itself does not report (masses, walls and their motion, friction, stiffness, the step)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Fact = float | FloatArray | Mapping[int, float]
 
 @dataclass(frozen=True)
 class AuditScene:
-    """What is told of a trajectory.
+    """What is given of a trajectory.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class AuditScene:
     inertia : float
         Moment of inertia over m R^2: 1/2 of disks, 2/5 of spheres.
     fixed : tuple of int
-        Ids of disks that nothing moves, or that are moved by what is not told.
+        Ids of disks that nothing moves, or that are moved by what is not given.
     mu, kn, ks, restitution : float or None
-        Law of every contact that has none of its own; [N/m].
+        Law of every contact without its own law; [N/m].
     rigid : bool
         Contacts store no energy and are meant not to overlap, but by ``slop`` [m].
     cohesive, rolling : bool
@@ -105,7 +105,7 @@ class AuditScene:
 
     @property
     def conservative(self) -> bool:
-        """Whether what is told leaves nothing that takes energy."""
+        """Whether what is given leaves nothing that takes energy."""
         return self.restitution == 1.0 and not self.frictional and self.damping == 0.0 and not self.rolling
 
     @property
@@ -136,7 +136,7 @@ class _Reader:
         return UsageError(f"{self.place(where, key)}: {_dotted_key(where, key)} = {value!r} is not allowed: {allowed}")
 
     def place(self, where: str, key: str) -> str:
-        """File, line and column of a key, as well as they can be told."""
+        """File, line and column of a key, as well as they can be found."""
         begin = 0
         if where and (table := re.search(rf"^\s*\[+\s*{re.escape(where)}\b", self.text, re.M)):
             begin = table.start()
@@ -175,7 +175,7 @@ class _Reader:
         return float(value)
 
     def pair(self, data: Mapping[str, Any], where: str, key: str) -> FloatArray:
-        """Two numbers; zeros where they are not told."""
+        """Two numbers; zeros where they are not given."""
         value = data.get(key, (0.0, 0.0))
         try:
             array = np.array(value, dtype=float)
@@ -186,7 +186,7 @@ class _Reader:
         return array
 
     def flag(self, data: Mapping[str, Any], where: str, key: str) -> bool:
-        """True or false; false where it is not told."""
+        """True or false; false where it is not given."""
         value = data.get(key, False)
         if not isinstance(value, bool):
             raise self.wrong(where, key, value, "it must be true or false")

@@ -2,7 +2,7 @@
 problems by quadratic programming.
 
 Whatever a solver says of itself, its forces are judged by `ninedisk.references.contact_law`, with the velocities that follow from
-them. Each solver climbs the same ladder of tolerances of its own, whose meaning is its own, too; what counts for a target is the loosest
+them. Each solver climbs the same ladder of its own tolerances, whose meaning is its own, too; what counts for a target is the loosest
 of them whose answer meets it, in time.
 """
 
@@ -43,7 +43,7 @@ SIZES, LARGE = (10, 30, 100), (300, 1_000, 3_000)
 """Disks of the states."""
 SEED = 0
 TOLERANCES = (1e-3, 1e-6, 1e-8, 1e-10, 1e-12)
-"""Targets: the largest of all errors that the law tells of."""
+"""Targets: the largest of all errors that the law reports."""
 LADDER = tuple(10.0**-k for k in range(3, 16))
 """Own tolerances that a solver is asked for, one after the other."""
 DENSE = 1_500

@@ -114,7 +114,7 @@ class DemProblem:
         return DemSession(self.scene, numerics, particles=[0], threads=threads)
 
     def law(self, law: Any) -> dict[str, float]:
-        """What an external engine is told of a law."""
+        """What an external engine is given of a law."""
         return _law(law)
 
     def bound(self, peer: Peer) -> tuple[float, str]:
@@ -266,9 +266,9 @@ class Peer:
     short : bool
         Whether it is so slow that only the short problems are run.
     settings : mapping
-        What was chosen on purpose.
+        What was chosen deliberately.
     threads_by : str
-        Argument of the command that tells the number of threads, ``{}`` standing for it; empty for an engine that has one.
+        Argument of the command that reports the number of threads, ``{}`` standing for it; empty for an engine that has one.
     """
 
     id: str
@@ -350,7 +350,7 @@ def core_memory(problem: DemProblem) -> float:
 
 
 def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, threads: int = 1) -> Sample:
-    """One run of an external engine in a process of its own, with more than one thread only if it has `Peer.threads_by`.
+    """One run of an external engine in its own process, with more than one thread only if it has `Peer.threads_by`.
 
     Raises
     ------
@@ -389,7 +389,7 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, thre
 
 
 def runner(peer: Peer, engine: Engine, problem: DemProblem, threads: int) -> Callable[[float], Sample]:
-    """`run_peer` with all but the limit given."""
+    """`run_peer` with all except the limit given."""
     return partial(run_peer, peer, engine, problem, threads=threads)
 
 
@@ -450,7 +450,7 @@ def run_problem(
     ----------
     problem : DemProblem
     engines : mapping
-        Registered engines by id; "dem" stands for the core, which is always run: ratios refer to it.
+        Registered engines by id; "dem" represents the core, which is always run: ratios refer to it.
     """
     peers = [peer for peer in problem.peers if peer.id in engines and (problem.short or not peer.short)]
     more = range(2, 2 if problem.n < problem.sort_from else min(MOST_THREADS, usable_cores()) + 1)
@@ -560,7 +560,7 @@ def _run_facts(problem: DemProblem, notify: Reporter) -> Row:
 
 
 def mean_counts(problem: DemProblem) -> Counts:
-    """Counts of a run of its own, means of `READINGS` over its steps; rebuilds are those of the whole run."""
+    """Counts of its own run, means of `READINGS` over its steps; rebuilds are those of the whole run."""
     # The same contact steps, each of them a step at which the run may be stopped, only the last one sampled.
     numerics = problem.numerics().replace(
         dt=problem.contact_dt, n_steps=problem.steps, sample_from=problem.steps, sample_every=problem.steps

@@ -281,7 +281,7 @@ def run_problem(
     found = interleave(contenders, repeats=repeats, time_limit=time_limit, notify=notify)
     base = found[chosen[0].name]
     rows = [new_row(**_row(problem, each, found[each.name], base)) for each in chosen]
-    # Neither springs nor engines that are not there are judged; and nobody's time has the telling of forces in it.
+    # Neither springs nor engines that are not there are judged; and nobody's time has the reporting of forces in it.
     judged = [
         Contender(name=each.name, run=partial(_run_watched, problem, each, engines[each.engine]))
         for each, row in zip(chosen, rows, strict=True)
@@ -314,7 +314,7 @@ def time_at_equal(error: str, row: Row, ladder: Sequence[Row], least: float) -> 
     ladder : sequence of Row
         Ours.
     least : float
-        What the error cannot be told from 0 by: a smaller one counts as this, and of several such rungs the fastest.
+        What the error cannot be distinguished from 0 by: a smaller one counts as this, and of several such rungs the fastest.
     """
     times: dict[float, float] = {}
     for each in ladder:
@@ -331,7 +331,7 @@ def time_at_equal(error: str, row: Row, ladder: Sequence[Row], least: float) -> 
 def energy_gained(history: History, scene: Scene) -> float:
     """Largest growth of kinetic energy and gravity's from one sample to the next, less the walls' work, over the largest kinetic energy.
 
-    Elastic energy counts where an engine tells it. NaN where walls move and an engine does not tell their work; below 0 where energy
+    Elastic energy counts where an engine reports it. NaN where walls move and an engine does not report their work; below 0 where energy
     always falls.
     """
     disks, given = scene.disks, history.energy
@@ -379,7 +379,7 @@ def _end_reason(
     if support.level is SupportLevel.NO:
         lacks = [f"{engine.info().name} lacks " + ", ".join(support.missing)] if support.missing else []
         raise UnsupportedProblemError("; ".join([*lacks, *support.notes]))
-    if isinstance(engine, ExternalEngine):  # one in a process of its own can be stopped
+    if isinstance(engine, ExternalEngine):  # one in its own process can be stopped
         engine = copy(engine)
         engine.time_limit = limit
     return engine.run(scene, numerics, watch)

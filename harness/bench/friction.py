@@ -1,4 +1,4 @@
-"""How far friction in an engine's run is from Coulomb's law: forces that it tells of pairs, held against the slips of its own motion."""
+"""How far friction in an engine's run is from Coulomb's law: forces that it reports of pairs, held against the slips of its own motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SOLVED_AT = {
     "position-first-euler": (1, 1),
 }
 """Where disks and walls are when an engine solves the contacts of a step, by its scheme: 0 at the step's start, 1 at its end. Engines of
-other schemes are not judged: springs stick by a stretch that no velocity tells, or nobody knows where they have their contacts."""
+other schemes are not judged: springs stick by a stretch that no velocity shows, or nobody knows where they have their contacts."""
 NEAR = 0.5
 """Gap over the mean radius up to which a pair is watched from the beginning on. Radii of flows are scaled down by the deepest overlap that
 there was, so that disks in contact begin up to 0.1 radii apart: within 0.02 there are 3 of the 86 loaded contacts that are watched in the
@@ -46,7 +46,7 @@ def friction_of(history: History, scene: Scene, scheme: str) -> float:
 
     Slips are those of the velocities after a step, in the frame in which its contacts were solved: friction in it, times the arm, is
     what changes the spins, while in the frame of the step's other end it is off by some per cent of the torques. A pair that is open bears
-    nothing and counts for nothing; contacts of pairs that are not watched are not judged.
+    nothing and is ignored; contacts of pairs that are not watched are not judged.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def friction_of(history: History, scene: Scene, scheme: str) -> float:
     Returns
     -------
     float
-        NaN if the scheme is none of `SOLVED_AT`, the engine does not tell forces of pairs, or those of an instant, which springs have.
+        NaN if the scheme is none of `SOLVED_AT`, the engine does not report forces of pairs, or those of an instant, which springs have.
     """
     if scheme not in SOLVED_AT or history.force_meaning != "step-mean" or not history.pairs:
         return math.nan
@@ -72,7 +72,7 @@ def friction_of(history: History, scene: Scene, scheme: str) -> float:
         begin, end = step, step + 1
         x, wall = history.x[(begin, end)[disks_at]], poses[(begin, end)[walls_at]]
         normal = normals_of(pairs, x, wall)
-        if scheme != "theta":  # others know their forces as vectors, and tell them in the frames of the sample
+        if scheme != "theta":  # others know their forces as vectors, and report them in the frames of the sample
             given = normals_of(pairs, history.x[end], poses[end])
             force = fs[step, :, None] * perpendicular(given) - fn[step, :, None] * given
             fn[step], fs[step] = -(force * normal).sum(axis=1), (force * perpendicular(normal)).sum(axis=1)

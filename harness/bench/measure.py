@@ -21,7 +21,7 @@ from ninedisk.harness.run.isolation import run_isolated
 
 Reporter = Callable[[str], None]
 DRIVERS = Path(__file__).parent / "drivers"
-"""Scripts for engines that run in processes of their own."""
+"""Scripts for engines that run in their own processes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +149,7 @@ def interleave(
         Of each, >= 1.
     time_limit : float
         Seconds for all repeats of one contender together; one that has used them up gets no further repeat.
-    tell : callable
+    notify : callable
         Called with what begins.
 
     Returns

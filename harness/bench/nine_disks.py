@@ -30,7 +30,7 @@ from ninedisk.harness.run.process_guard import guarded_environment
 FloatArray = NDArray[np.float64]
 CASE = "nine-disk/distortion"
 ARMS = ("radius", "overlap", "torque-overlap-disks")
-"""Lever arms of the case, each a problem of its own: no engine has them all."""
+"""Lever arms of the case, each a separate problem: no engine has them all."""
 FAITHFUL = (SupportLevel.EXACT, SupportLevel.EQUIVALENT)
 LAST = ", last state only"
 APART = 1e-5

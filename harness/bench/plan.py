@@ -18,7 +18,7 @@ Wanted = Callable[[str], bool]
 
 
 class ProgressReporter(Protocol):
-    """Told what begins, and how much of it is done."""
+    """Given what begins, and how much of it is done."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None:
         """Report."""

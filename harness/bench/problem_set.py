@@ -144,7 +144,7 @@ def make_set(
     form : {"npz", "fc2d", "fclib"}
     families : tuple of str
         Names of `FAMILIES`.
-    tell : callable
+    notify : callable
         ``notify(done, total, what)``.
     """
     states = [(name, n) for n in SIZES if n <= largest for name in families]
@@ -176,7 +176,7 @@ def _problems_of_state(folder: Path, name: str, n: int, *, seed: int, form: Form
 
 
 def stored_state(name: str, n: int, *, seed: int) -> list[tuple[Path, dict[str, Any]]]:
-    """Files of the problems of a state and what the manifest tells of them, from the user's cache folder.
+    """Files of the problems of a state and what the manifest says of them, from the user's cache folder.
 
     They are made there unless the same sources have made them before and every file still holds the numbers of its hash.
 

@@ -74,7 +74,7 @@ class SphereProblem(DemProblem):
         return SphereSession(self.scene, numerics, particles=[0], threads=threads)
 
     def law(self, law: SphereLaw) -> dict[str, float]:
-        """What an external engine is told of a law."""
+        """What an external engine is given of a law."""
         return {"young": MATERIAL.E, "poisson": MATERIAL.nu, "mu": law.mu, "beta": law.beta}
 
     def with_conventions(self, disks: LeverArm, walls: LeverArm, slip_at: SlipAt) -> SphereProblem:

@@ -86,7 +86,7 @@ EXACT_STEP_RTOL = 1e-10
 """Of an exact time-discrete solution: the round-off of some hundred steps, 1e-14, and of a solver's residual."""
 
 OPTIONAL = ("energy", "load", "stress", "wall")
-"""Beginnings of the names of quantities that an engine need not tell."""
+"""Beginnings of the names of quantities that an engine need not report."""
 
 
 def contact_step(dt: float, target: float) -> float:
@@ -135,7 +135,7 @@ def whole_steps(params: Mapping[str, Any], default: float, *, at_least: float = 
 
 
 def round_off_speed(length: float, contact_dt: float) -> float:
-    """Velocity [m/s] that the rounding of a coordinate of size ``length`` [m] stands for.
+    """Velocity [m/s] that the rounding of a coordinate of size ``length`` [m] represents.
 
     A coordinate that is kept to one unit in the last place moves by that unit or not at all; a force balance through a
     contact spring therefore leaves velocities of the order of one unit per step. Factor 8: sums of a few such
@@ -180,7 +180,7 @@ def same_steps(curve: FloatArray, near: Sequence[FloatArray]) -> FloatArray:
 
 
 def contact_softness(engine: EngineInfo) -> float:
-    """Part of what it should withstand in one step that a contact of this engine does not; 0 for all but soft contacts."""
+    """Part of what it should withstand in one step that a contact of this engine does not; 0 for all except soft contacts."""
     if engine.contact != "soft":
         return 0.0
     return SOFTEST if engine.softness is None else engine.softness
@@ -247,7 +247,7 @@ def _free_until(setup: Setup) -> float:
 
 
 def soft_reason(engine: EngineInfo) -> str:
-    """Words for the reason of a tolerance; empty for all but soft contacts."""
+    """Words for the reason of a tolerance; empty for all except soft contacts."""
     if engine.contact != "soft":
         return ""
     reason = (

@@ -85,5 +85,5 @@ def checks_with_allowance(
 
 
 def follows_associated_rule(engine: EngineInfo, numerics: Numerics) -> bool:
-    """Whether a sliding contact of this run opens: contact dynamics that is told so, and convex contact models."""
+    """Whether a sliding contact of this run opens: contact dynamics that is set so, and convex contact models."""
     return engine.dilates or (engine.contact == "cd" and numerics.sliding == "associated")

@@ -1,4 +1,4 @@
-"""What a sound adapter does besides computing: form of its answers, its conduct, and whether `supports` tells the truth."""
+"""What a sound adapter does besides computing: form of its answers, its conduct, and whether `supports` is right."""
 
 from __future__ import annotations
 
@@ -231,7 +231,7 @@ def copies(bench: Bench, probe: Probe) -> Outcome:
 
 
 def settings(bench: Bench, probe: Probe) -> Outcome:
-    """What was chosen on purpose is on record, with the values that acted."""
+    """What was chosen deliberately is on record, with the values that acted."""
     recorded, faults = dict(bench.run_of(probe).settings), []
     if not recorded:
         faults.append(
@@ -285,7 +285,7 @@ def capability(bench: Bench, probe: Probe, asked: Capability) -> Outcome:
         lacks = ", ".join(sorted(each.name for each in lacking))
         mend = "declare it in info(), or answer NO or APPROXIMATE, or say in a note why this scene does not need it"
         return outcome(name, [(f"the scene is {support.level} although info() lacks {lacks}", mend)])
-    # An engine may lack the place of the slip and run the scene all the same, if it says so: that place is no claim of its own.
+    # An engine may lack the place of the slip and run the scene all the same, if it says so: that place is no separate claim.
     may_lack = support.level is SupportLevel.APPROXIMATE or (
         asked in SLIP_AT.values() and support.level is SupportLevel.EQUIVALENT
     )

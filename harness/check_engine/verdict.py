@@ -92,11 +92,11 @@ def _headline(info: EngineInfo, outcomes: Sequence[Outcome]) -> Iterator[str]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """What fails, the most telling first, each fault once although several checks may run its scene.
+    """What fails, the most informative first, each fault once although several checks may run its scene.
 
-    What all checks rest on stands first, then scenes that ask for little: what is wrong there spoils the others. Among alike, a
+    What all checks rest on comes first, then scenes that ask for little: what is wrong there spoils the others. Among alike, a
     capability that no passing check uses, and a number that is a simple multiple of the right one. Conduct, which spoils no
-    physics, stands last.
+    physics, comes last.
     """
     ranked = sorted(
         (each for each in outcomes if each.status == FAIL),

@@ -1,4 +1,4 @@
-"""``ninedisk audit``: does anybody's trajectory obey mechanics?"""
+"""``ninedisk audit``: does a trajectory obey mechanics?"""
 
 from __future__ import annotations
 
@@ -37,24 +37,25 @@ def audit(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
     example: Annotated[
         Path | None,
-        typer.Option("--example", metavar="DIR", help="Write a trajectory and a TOML that pass, to begin with."),
+        typer.Option("--example", metavar="DIR", help="Write a trajectory and a TOML that pass, to start from."),
     ] = None,
 ) -> None:
     """Hold mechanics against a trajectory that any program wrote: momentum, angular momentum, energy, overlaps, the friction
     cone, jumps, lost disks. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
-    FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row a disk and frame, an .npz of whole arrays (t,
-    x, v, omega), a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Columns: t or step, x, y, and as far as there are id, type,
-    vx, vy, omega, angle, radius, mass; other names are told in the TOML, as are masses, walls and their motion, mu, kn, gravity
-    and the step. Only the plane x, y is looked at.
+    FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row for each disk and frame, or an .npz of whole
+    arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Required columns are t or step, x
+    and y. Optional ones are id, type, vx, vy, omega, angle, radius, mass. The TOML gives other names of columns, masses, walls and
+    their motion, mu, kn, gravity and the step. Only the plane x, y is looked at.
 
-    No tolerance is made up. An allowance is what the printed digits leave open, what happens between two frames (one contact at an
-    unknown instant, by the data's own differences), and what the step of a sound scheme leaves open; each verdict says which. The
-    more is told (dt, kn, ks, mu) and the denser the frames, the more can be decided. What may have touched is grouped: a group away from
-    walls keeps momentum and angular momentum; what a wall gives lies in its cone of friction; a group gains no energy but by moving walls.
+    No tolerance is made up. An allowance is the sum of three parts, and each verdict says which counts. The printed digits leave
+    something open. One contact may fall between two frames, at an unknown instant. A sound scheme has the error of its step. The
+    more is given (dt, kn, ks, mu) and the denser the frames, the more can be decided. What may have touched is grouped. A group away
+    from walls keeps momentum and angular momentum. What a wall gives lies in its cone of friction. A group gains energy from moving
+    walls only.
 
-    A --json file has checks (worst first: id, verdict, said, judged, undecided, first, worst with value, allowance, parts, step, t,
-    disks, and series of [t, value, allowance]), totals over time, digits, and what was told.
+    A --json file has checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id, verdict, said,
+    judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t and disks.
 
     \b
     Examples:
@@ -112,8 +113,8 @@ def _companion_file(file: Path) -> Path:
     if not file.exists():
         raise UsageError(f"there is no {str(file)!r}: give a trajectory; `ninedisk audit --example DIR` writes one")
     raise UsageError(
-        f"there is no TOML beside {str(file)!r} that tells radii, masses, walls: name it {tried[0].name}, or give --scene FILE; "
-        "`ninedisk audit --example DIR` writes one to begin with"
+        f"there is no TOML beside {str(file)!r} that gives radii, masses, walls: name it {tried[0].name}, or give --scene FILE; "
+        "`ninedisk audit --example DIR` writes one to start from"
     )
 
 
@@ -133,7 +134,7 @@ def _show(record: Mapping[str, Any]) -> None:
         )
     )
     if record["dt"] is None:
-        out.print("time.dt, the engine's own step, is not told: taken as the interval, which allows more")
+        out.print("time.dt, the engine's own step, is not given: taken as the interval, which allows more")
     shown = table("", "check", "verdict")
     for check in record["checks"]:
         sign = {"violated": "✗", "holds": "✓"}.get(check["verdict"], "?")

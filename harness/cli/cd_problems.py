@@ -88,12 +88,11 @@ def make(
     form: FormOption = "npz",
     out: Out = Path("problems"),
 ) -> None:
-    """Make contact problems of the plane from seeds: settling, packing, column, collapse, drum, hopper, biaxial, pyramid and lattice,
-    each from 10 disks on, with friction from 0 to 2, rigid and elastic contacts in turn.
+    """Make contact problems of the plane from seeds: settling, packing, column, collapse, drum, hopper, biaxial, pyramid and lattice.
 
-    States come from the in-house DEM, none from a contact solver. problems.json tells of each problem where it is from, its size and
-    a hash of its numbers, which are the same whenever the set is made on the same kind of processor. With --disks 3000 there are some
-    320.
+    Each family starts at 10 disks. Friction goes from 0 to 2; contacts are rigid and elastic in turn. States come from the in-house DEM,
+    none from a contact solver. problems.json gives for each problem its origin, its size and a hash of its numbers. On the same kind of
+    processor the numbers are always the same. With --disks 3000 there are some 320 problems.
 
     \b
     Examples:

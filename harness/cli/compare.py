@@ -127,7 +127,7 @@ def _facts(facts: RunFacts) -> str:
 
 def register(app: typer.Typer) -> None:
     """Add the commands to the command line."""
-    app.command("compare", short_help="Tell whether HEAD is worse than BASE.")(compare)
+    app.command("compare", short_help="Check whether HEAD is worse than BASE.")(compare)
     app.command("dashboard", short_help="Build pages with the history of every error and timing.")(dashboard)
 
 
@@ -146,7 +146,7 @@ def compare(
     everything: Annotated[bool, typer.Option("--all", help="Show what stayed the same, too.")] = False,
     store: Store = Path("results"),
 ) -> None:
-    """Compare errors, statuses and timings of two runs, and tell what got worse beyond its noise or tolerance.
+    """Compare errors, statuses and timings of two runs, and report what got worse beyond its noise or tolerance.
 
     BASE and HEAD are each a run id (or its beginning), latest, latest~1, a range latest~9..latest~5, the folder of a
     store or of one run, or a file of `ninedisk export`. Where a side has several runs, its newest decides about errors,

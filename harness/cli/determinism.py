@@ -29,7 +29,7 @@ WORSE = 1
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("determinism", short_help="Tell whether engines give the same result again, bit for bit.")(determinism)
+    app.command("determinism", short_help="Check whether engines give the same result again, bit for bit.")(determinism)
 
 
 @guarded
@@ -47,17 +47,17 @@ def determinism(
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the rows as JSON.")
     ] = None,
 ) -> None:
-    """Run one scene again in ten ways that should change nothing, and tell what changes, by how much and from when on.
+    """Run one scene again in ten ways that should change nothing, and report what changes, by how much and from when on.
 
-    Disks of unequal size fall into a box and press on each other (two dozen with friction; nine smooth ones where the engine has no
-    friction), or with --spheres spheres do. The run is repeated in one process, in another one, after a run that failed, after
-    another scene, on two threads, restarted half way, with other contacts watched, sampled less often, and with its bodies and its
-    walls told in another order.
+    Disks of unequal size fall into a box and press on each other: two dozen with friction, or nine smooth ones where the engine has no
+    friction. With --spheres spheres do. The run is repeated in one process, in another one, after a run that failed, after another
+    scene, and on two threads. It is also restarted half way, run with other contacts watched, sampled less often, and run with its
+    bodies and its walls in another order.
     Each must be the same to the last bit; the last two within round-off, as sums come in another order.
 
     \b
     What a repetition may be:
-      bitwise         all that the engine tells is the same to the last bit: places, velocities, forces, energies
+      bitwise         all that the engine reports is the same to the last bit: places, velocities, forces, energies
       round-off       no farther apart than rounding in each step, or the solver's tolerance, can have grown to by then;
                       the growth is measured: a run that starts beside by the root of the precision
       different       farther apart than that
@@ -139,7 +139,7 @@ def _installed(engine: Engine, spheres: bool) -> bool:
     try:
         info = engine.info()
         return info.installed and (not spheres or Capability.SPHERES in info.capabilities)
-    except Exception:  # an outsider's engine that cannot even tell what it is must not hide the others
+    except Exception:  # an outsider's engine that cannot even say what it is must not hide the others
         return False
 
 

@@ -35,7 +35,7 @@ def check_engine(
 
     Each check runs a scene so small that its numbers are known in closed form: free flight, one contact, a weight on a
     floor, and one scene for each capability. What the engine refuses for a stated reason, and what it does not observe, is no
-    defect. The most telling fault stands first, with what was found, what was expected and what to run next; what is declared
+    defect. The most informative fault comes first, with what was found, what was expected and what to run next; what is declared
     but was not tested is named.
 
     \b

@@ -50,7 +50,7 @@ def findings(
 
     A finding is something that an engine does otherwise than the physics or its own documentation says, or an erratum of the source. It
     holds no measured number: its size is read anew from the newest result of each cell, relative to a scale that the case states. The
-    largest come first; what the store does not hold is `not-measured`. `ninedisk findings ID` tells one in full, with the command that
+    largest come first; what the store does not hold is `not-measured`. `ninedisk findings ID` prints one in full, with the command that
     measures it.
 
     Nothing is run, except with --engine-cmd: then cases in which other engines have findings are run on that engine and stored, and
@@ -79,9 +79,9 @@ def findings(
 
     \b
     Exit codes:
-      0  each finding that the store can tell of is there, as it is known; without a stored run they are listed
+      0  each finding that the store can show is there, as it is known; without a stored run they are listed
       1  one is gone or larger: what is known of an engine has changed, look at it
-         (of an engine given by --engine-cmd this is about differences that it declares; what it shows besides is told, not judged)
+         (of an engine given by --engine-cmd this is about differences that it declares; what it shows besides is reported, not judged)
       2  wrong usage, or a store that cannot be read
     """
     from ninedisk.harness.api.finding import finding_problems, known_findings

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 class Pipe:
     """A text stream that drops what a closed pipe no longer takes, in place of raising `BrokenPipeError`.
 
-    Whoever writes, click or rich, would end the process with a code of its own otherwise, and what follows, files to be written for
+    Whoever writes, click or rich, would end the process with its own code otherwise, and what follows, files to be written for
     instance, would be lost.
     """
 

@@ -124,7 +124,7 @@ def run(
             "--jobs",
             "-j",
             metavar="N",
-            help="Cells at once, each in a process of its own; auto: one for each core. More than 1 spoils timings. Default: 1.",
+            help="Cells at once, each in its own process; auto: one for each core. More than 1 spoils timings. Default: 1.",
         ),
     ] = None,
     dask: Annotated[
@@ -222,7 +222,7 @@ def run(
     # Every mistake in the request is found before the first cell runs, the store's and the JSON file's included.
     at_once = read_jobs(jobs)
     for variable in (time_limit_from_environment, memory_limit_from_environment):
-        variable()  # a wrong one is told before anything runs
+        variable()  # a wrong one is reported before anything runs
     new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
     limit = None if memory_limit is None else read_size(memory_limit, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
@@ -537,7 +537,7 @@ def _check_text(group: Sequence[Row]) -> str:
 
 
 def _short_reason(text: str) -> str:
-    """One line: what went wrong stands at the beginning, the way out or what the engine said last at the end."""
+    """One line: what went wrong is at the beginning, the way out or what the engine said last at the end."""
     lines = [
         line if len(line) <= MAX_LENGTH else f"{line[: MAX_LENGTH // 2]} ... {line[-MAX_LENGTH // 2 :]}"
         for line in text.splitlines()

@@ -1,4 +1,4 @@
-"""``ninedisk selftest``: does the suite catch engines that are wrong on purpose?"""
+"""``ninedisk selftest``: does the suite catch deliberately wrong engines?"""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHOWN = 2
 
 def register(app: typer.Typer) -> None:
     """Add the command to the command line."""
-    app.command("selftest", short_help="Tell whether the suite catches engines that are wrong on purpose.")(selftest)
+    app.command("selftest", short_help="Check whether the suite catches deliberately wrong engines.")(selftest)
 
 
 @guarded
@@ -47,12 +47,11 @@ def selftest(
     """Plant a defect into our own engines, run the suite, and see which checks fail; one defect after the other.
 
     A verification suite is worth what it catches. Each defect is one small change: a sign in a kernel, a missing torque, a
-    dashpot of half the strength, a wall one step late, a wrong mass, a report in single precision. The unchanged engines
-    run first and must pass every check; then every wrong one must fail at least one. What no case can see is listed as a
-    known hole, with the reason; it becomes a closed one when a check fails. impulse/... and soft/... are lies that a stranger's
-    engine might tell (friction a fifth too small, a wall's rotation ignored, steps that take no time), told by an honest one under
-    either declaration of its contacts; soft stands for the laxest judgement there is. Wrong engines run in processes of their own;
-    no file of the installation is changed, and no result enters a store.
+    dashpot of half the strength, a wall one step late, a wrong mass. The unchanged engines run first and must pass every check; then
+    every wrong one must fail at least one. What no case can see is listed as a known hole, with the reason. A hole is closed when a
+    check fails. impulse/... and soft/... are faults of third-party engines: friction a fifth too small, a wall's rotation ignored,
+    steps that take no time. Our engine shows them, declared as one with impulses or with soft contacts, which are judged most
+    leniently. Wrong engines run in their own processes. No file of the installation is changed, and no result enters a store.
 
     Variants are those of `ninedisk run` at smaller cost (softer springs, shorter settling), every kind of check included: some
     five minutes on two idle cores, --quick about one and a half.

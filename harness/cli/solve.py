@@ -38,7 +38,7 @@ def solve(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="Our .npz, Siconos' text (fc2d, gfc2d) or FCLIB's HDF5, told by its content."
+            metavar="FILE", help="Our .npz, Siconos' text (fc2d, gfc2d) or FCLIB's HDF5, recognised by its content."
         ),
     ],
     solver: Annotated[
@@ -105,7 +105,7 @@ def solve(
     else:
         with CellProgress() as progress:
             progress(0, 0, f"solving, at most {time_limit:g} s")
-            for share in (1.0, 0.1):  # solvers stop by figures of their own, which may be somewhat smaller
+            for share in (1.0, 0.1):  # solvers stop by their own figures, which may be somewhat smaller
                 reached, said = _find_answer(found, solver, replace(options, tolerance=share * tolerance), rule)
                 if reached is None:
                     raise typer.Exit(UNSOLVED)

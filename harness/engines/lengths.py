@@ -16,7 +16,7 @@ TOUCH_ULPS = 16.0
 
 
 def wall_reach(scene: Scene | SphereScene, numerics: Numerics, engine: str) -> float:
-    """Half-length [m] of a wall that no body can leave within the run: four times the scene's size and the way of its
+    """Half-length [m] of a wall that no body can leave within the run: four times the scene's size and the displacement of its
     fastest body.
 
     Raises

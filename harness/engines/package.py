@@ -1,4 +1,4 @@
-"""Engines that are Python packages with native code: each runs in a process of its own, so that a crash is a status.
+"""Engines that are Python packages with native code: each runs in its own process, so that a crash is a status.
 
 The process runs this very Python and drives the engine's `Session` (see `ninedisk.harness.api.engine`); scene and history go
 over the wire format. Most have rigid contacts: what those support is here, too.
@@ -46,7 +46,7 @@ class PackageEngine(ProcessEngine):
         return [*super().command(), self.session]
 
     def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread, and a home of its own for engines that write logs there."""
+        """One thread, and its own home for engines that write logs there."""
         home = str(folder)
         return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home}
 

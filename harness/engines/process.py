@@ -1,4 +1,4 @@
-"""Engines in a process of their own, driven by a file in their folder: whether they are installed, how they start."""
+"""Engines in their own process, driven by a file in their folder: whether they are installed, how they start."""
 
 from __future__ import annotations
 

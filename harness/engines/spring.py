@@ -1,4 +1,4 @@
-"""Engines with contact springs in a process of their own: how they fit a scene, what their drivers get, what is on record."""
+"""Engines with contact springs in their own process: how they fit a scene, what their drivers get, what is on record."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class SpringEngine(ProcessEngine):
     capabilities_3d: frozenset[Capability]
     """Capabilities in 3D; those in 2D are in `facts`."""
     chosen: Mapping[str, Any]
-    """Settings of every run in 2D that are chosen on purpose, for the record."""
+    """Settings of every run in 2D that are chosen deliberately, for the record."""
     chosen_3d: Mapping[str, Any]
     """The same in 3D."""
     dashpot_note = "dashpot with the velocity of t_{n-1/2}; never tension"
@@ -114,7 +114,7 @@ class SpringEngine(ProcessEngine):
 
     @abstractmethod
     def fit(self, scene: Scene, numerics: Numerics, fit: Fit) -> None:
-        """Add to ``fit`` what the capabilities do not tell, and take out what this very scene does not ask for."""
+        """Add to ``fit`` what the capabilities do not report, and take out what this very scene does not ask for."""
 
     @abstractmethod
     def fit_3d(self, scene: SphereScene, numerics: Numerics, fit: Fit) -> None:

@@ -318,7 +318,7 @@ class WorldSession(ABC):
         """Impulse [N s] of the last step on the first body of each touching pair, shape (dimension,)."""
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:  # noqa: ARG002
-        """Put wall ``k`` at ``here`` [m] with the normal ``facing``, on its way to ``there`` in one step, turning at ``rate`` [rad/s]."""
+        """Put wall ``k`` at ``here`` [m] with the normal ``facing``, moving to ``there`` in one step, turning at ``rate`` [rad/s]."""
         raise self._prescribes_nothing()
 
     def drive_3d(

@@ -39,7 +39,7 @@ def deviation(distances: FloatArray) -> float:
 
 
 def chance_of_order(one: FloatArray, two: FloatArray) -> float:
-    """Two-sided probability of ranks at least as separated as those of two samples, if nothing tells them apart.
+    """Two-sided probability of ranks at least as separated as those of two samples, if nothing distinguishes them.
 
     Exact also among ties: half a point of a tie counts against a discovery.
     """

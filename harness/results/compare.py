@@ -440,5 +440,5 @@ def _row(change: Change) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that Markdown shows as it stands: on one line, every active character as a numeric entity."""
+    """Text that Markdown shows unchanged: on one line, every active character as a numeric entity."""
     return _ACTIVE.sub(lambda match: f"&#{ord(match[0])};", one_line(text))

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
 Allowed = float | str | bool | None
-"""A value of a parameter that a figure admits; None also stands for a parameter that the case does not have."""
+"""A value of a parameter that a figure admits; None also represents a parameter that the case does not have."""
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class Plotted:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A curve to compare a quantity of ``places`` with: a truth, or what somebody read off a printed figure, whose points are drawn.
+    """A curve to compare a quantity of ``places`` with: a truth, or what was read off a printed figure, whose points are drawn.
 
     Parameters
     ----------
     label : str
         The quantity's axis label.
     name : str
-        What stands beside the curve, or in the legend.
+        What is beside the curve, or in the legend.
     x, y : tuple of float
         Points, x ascending.
     reader : str

@@ -106,7 +106,7 @@ def evaluate(
 
 
 def exit_code(found: Iterable[EvaluatedFinding]) -> int:
-    """0: the list of findings tells the truth about the store; 1: something is gone or larger."""
+    """0: the list of findings agrees with the store; 1: something is gone or larger."""
     return int(any(each.verdict in FINDING_VERDICTS[:2] for each in found))
 
 

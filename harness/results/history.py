@@ -114,7 +114,7 @@ def _marked(lines: Sequence[Line], n_timings: int) -> Iterator[Line]:
 def _shared(timings: Sequence[Line]) -> dict[int, float]:
     """By run, the logarithm of what all timings share: the median distance of each from its own median.
 
-    Runs with too few timings to tell what they share from what one of them does are left alone.
+    Runs with too few timings to decide what they share from what one of them does are left alone.
     """
     apart: dict[int, list[float]] = {}
     for line in timings:

@@ -19,7 +19,7 @@ RESTLESS = 6.0
 """A line that moves from run to run must beat its own usual step this many times over, in logarithms."""
 
 NEAR = 5
-"""Runs on either side of a place that tell a jump from a drift."""
+"""Runs on either side of a place that distinguish a jump from a drift."""
 
 CLEARLY = 0.999
 """Share of the least error before that one must fall below to be back inside: an equal one, whose last digits moved, is not."""
@@ -158,7 +158,7 @@ def _medians_jump(logs: FloatArray, at: int) -> bool:
 
 
 def with_open(shifts: Sequence[Shift]) -> tuple[Shift, ...]:
-    """Tell which marks for the worse still stand: those that no later mark brought back to where they had begun."""
+    """Find which marks for the worse still stand: those that no later mark brought back to where they had begun."""
     standing: list[int] = []
     for number, shift in enumerate(shifts):
         if shift.verdict == "worse":

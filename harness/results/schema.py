@@ -19,7 +19,7 @@ Row = dict[str, Any]
 """A row of a table, by column."""
 
 EMPTY: dict[str, Any] = {"string": "", "float64": math.nan, "int64": -1}
-"""What stands for an unknown value of each kind of column; in a file an unknown number may also be null."""
+"""What represents an unknown value of each kind of column; in a file an unknown number may also be null."""
 
 SCHEMA_VERSION = 3
 
@@ -98,7 +98,7 @@ ROUND_OFF = 1e-12
 
 
 def allowed_shares(rows: Sequence[Mapping[str, Any]]) -> list[float]:
-    """Tolerance of each measurement over the largest value of its reference; NaN where nothing tells how large that is.
+    """Tolerance of each measurement over the largest value of its reference; NaN where nothing shows how large that is.
 
     A reference that is zero, or zero but for round-off, is no measure. There the largest one among ``rows`` counts that the same
     quantity has in another variant of the case, and if it is zero in all of them, the largest of the same unit.
@@ -322,7 +322,7 @@ DETERMINISM_COLUMNS: dict[str, str] = {
     "engine_version": "string",
     "kind": "string",  # a key of DETERMINISM_KINDS
     "scene": "string",
-    "scene_why": "string",  # why no scene that tells more
+    "scene_why": "string",  # why no scene that shows more
     "verdict": "string",  # one of DETERMINISM_VERDICTS
     # Largest difference of the state, where it exceeds its allowance most: of centres over the mean radius, of velocities over that of a
     # fall through the scene. Where the state is the same to the last bit, of forces and energies, over the largest. NaN: no number.

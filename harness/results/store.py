@@ -49,7 +49,7 @@ INTERRUPTED = "interrupted"
 
 
 CheckKey = tuple[str, str, str, int]
-"""Quantity, norm, kind of truth, and a number that tells checks alike in these apart."""
+"""Quantity, norm, kind of truth, and a number that distinguishes checks alike in these."""
 
 HEADLINE = "headline"
 """Kind of truth of a headline among checks."""
@@ -210,7 +210,7 @@ def sorted_runs(snapshots: Iterable[Snapshot]) -> list[Snapshot]:
 
 
 def snapshot(facts: RunFacts, cells: Iterable[Row], checks: Iterable[Row]) -> Snapshot:
-    """Sort rows by cell and check; rows without a quantity stand for a whole cell and are left out."""
+    """Sort rows by cell and check; rows without a quantity represent a whole cell and are left out."""
     sorted_checks: dict[CellKey, dict[CheckKey, Row]] = {}
     for row in checks:
         if not row["quantity"]:
@@ -322,7 +322,7 @@ def prune_candidates(
     ----------
     store : Path
     keep : int, optional
-        Remove all but so many of the newest finished runs.
+        Remove all except so many of the newest finished runs.
     before : datetime, optional
         Remove finished runs that began earlier.
     unreadable : bool

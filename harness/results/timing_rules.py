@@ -117,7 +117,7 @@ def judge_timings(samples: Mapping[Any, Samples]) -> tuple[dict[Any, TimingVerdi
             head = head - common
             limit = max(WIDE * uncertain * noise, WIDE * each.spread, BEYOND_NEIGHBOURS * speed_up)
             if runs < FEW_ALONE and not many:
-                limit = math.inf  # hardly a timing beside this one: nothing tells noise from change
+                limit = math.inf  # hardly a timing beside this one: nothing separates noise from change
         near, gates = max(deviations * noise, LEAST), each.gates and _faster_seconds(each) >= GATED_SECONDS
         found[key] = _verdict(base, head, limit, near, tests, gates=gates)
     return found, math.exp(common)

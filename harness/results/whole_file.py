@@ -1,4 +1,4 @@
-"""Files that a command writes: they appear whole or not at all, and what cannot be written is told before the work."""
+"""Files that a command writes: they appear whole or not at all, and what cannot be written is reported before the work."""
 
 from __future__ import annotations
 

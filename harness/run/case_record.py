@@ -124,7 +124,7 @@ def truths(cells: Sequence[Cell]) -> list[Row]:
 
 
 def commands(case_id: str, cells: Sequence[Cell], shown: Any) -> list[str]:
-    """Example commands of a case; each of them runs as it stands, within seconds, on an engine that every machine has."""
+    """Example commands of a case; each of them runs unchanged, within seconds, on an engine that every machine has."""
     ours = next((cell.engine_id for cell in cells if cell.engine_id in OURS and _able(cell)), OURS[0])
     chosen = " ".join(f"--set {name}={format_value(value)}" for name, value in shown.items())
     return [

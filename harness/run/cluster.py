@@ -2,7 +2,7 @@
 
 The workers are the cluster's: how many there are, and that one which dies is replaced, is its business. A cell whose worker dies
 is begun again by the scheduler as often as its setting ``distributed.scheduler.allowed-failures`` says (3 by default), then once
-more in a process of this machine, which tells what became of it.
+more in a process of this machine, which shows what became of it.
 
 A cluster without a worker is waited for, `NO_WORKER` seconds, and one whose scheduler is gone as long as Dask tries to reach it; then
 what is left of the cells ends as errors, and finished ones keep their results.
@@ -37,7 +37,7 @@ PATIENCE = 10.0
 """Seconds in which the scheduler has to answer, and a first worker to be there."""
 
 NO_WORKER = 60.0
-"""Seconds that a cluster may be without any worker, in which somebody may start one."""
+"""Seconds that a cluster may be without any worker, in which a user may start one."""
 
 LOOK = 1.0
 """Seconds between two looks at the cluster while no cell ends."""
@@ -110,7 +110,7 @@ class Cluster:
         finally:
             if not watch.given_up:
                 self.client.cancel(list(numbers))
-        # Dask blames a worker's death on all cells that it held; a process for each tells which of them it was.
+        # Dask blames a worker's death on all cells that it held; a process for each shows which of them it was.
         here.sort()
         mine = [cells[number] for number in here]
         again = run_in_workers(

@@ -1,7 +1,7 @@
 """Determinism: is a run the same run again, whatever an engine did before, however many threads it has, and in any order of bodies?
 
 Each kind of repetition (`ninedisk.harness.results.schema.DETERMINISM_KINDS`) is a run that must end as the reference run did, in
-processes of their own, so that nothing but what the kind asks for has changed. What is not the same to the last bit is held against
+their own processes, so that nothing but what the kind asks for has changed. What is not the same to the last bit is held against
 what round-off can grow to: it is fed in each step, and its growth is measured on the same scene, by a run that starts a little
 beside. Scenes have contacts that begin, slide and end: two dozen disks that fall into a box, nine smooth ones, or two dozen
 spheres, eight on engines that take too long for more.
@@ -47,7 +47,7 @@ ROUNDINGS = 8.0
 """Roundings of a coordinate or a velocity in a step: sums of a few terms, half a unit each, as in `ninedisk.harness.cases.common`."""
 
 SCENES = {"pile": (6, 4, 0.3), "smooth": (3, 3, 0.0)}
-"""Columns, rows and friction, the scene that tells more first."""
+"""Columns, rows and friction, the scene that shows more first."""
 
 IN_SPACE = {"spheres": (3, 3, 0.3), "few-spheres": (2, 2, 0.3)}
 """The same for spheres, in layers of as many columns each way."""
@@ -383,7 +383,7 @@ def measure_kind(trial: Trial, kind: str) -> Row:
 def compare_runs(trial: Trial, one: History, two: History, *, grows: bool = True) -> Row:
     """Verdict and numbers of a run that should be the reference's.
 
-    Bit for bit all that both tell counts, forces and energies too; the size of a difference is that of the state, of forces and
+    Bit for bit all that both report counts, forces and energies too; the size of a difference is that of the state, of forces and
     energies where these alone differ. ``grows``: whether the reference run's growth is that of this scene.
     """
     one, two = common_samples(one, two)
@@ -443,7 +443,7 @@ def state_difference(one: History, two: History, scales: tuple[float, float]) ->
 
 
 def report_difference(one: History, two: History) -> FloatArray:
-    """Largest difference at each sample of what is told besides the state, each over its own largest value."""
+    """Largest difference at each sample of what is given besides the state, each over its own largest value."""
     found = np.zeros(len(one.step))
     for _, a, b in _arrays(one, two):
         largest = float(np.abs(a[np.isfinite(a)]).max(initial=0.0))
@@ -461,7 +461,7 @@ def common_samples(one: History, two: History) -> tuple[History, History]:
 
 
 def reordered(job: Job, order: Any, walls: Any) -> Job:
-    """The job with its bodies and walls told in another order, ``order[k]`` the old number of body k."""
+    """The job with its bodies and walls given in another order, ``order[k]`` the old number of body k."""
     n, bodies, scene = len(job.scene.bodies), job.scene.bodies, job.scene
     place = np.concatenate([np.argsort(order), n + np.argsort(walls)])
     columns = {
@@ -473,7 +473,7 @@ def reordered(job: Job, order: Any, walls: Any) -> Job:
 
 
 def in_order(history: History, job: Job, order: Any, walls: Any) -> History:
-    """The history of `reordered` in the order of the job's scene; what a swapped pair's sides tell stays as it is."""
+    """The history of `reordered` in the order of the job's scene; what a swapped pair's sides report stays as it is."""
     back, walls_back = np.argsort(order), np.argsort(walls)
     found = {name: getattr(history, name)[:, back] for name in ("x", "v", "angle", "omega")}
     found |= {name: getattr(history, name)[:, walls_back] for name in ("wall_point", "wall_angle", "wall_force")}
@@ -499,7 +499,7 @@ def _with_watched_contacts(scene: Scene | SphereScene, numerics: Numerics) -> Jo
 
 
 def _failing_jobs(job: Job) -> Iterator[Job]:
-    """Runs that should end with an error on their way: a body so fast that its place is no number, or that it leaves through a wall.
+    """Runs that should end with an error during the run: a body so fast that its place is no number, or that it leaves through a wall.
 
     Few steps: a solver with an absolute tolerance does all its sweeps in each of them.
     """

@@ -138,7 +138,7 @@ class GapFile:
 
 
 def matches(pattern: str, text: str) -> bool:
-    """Whether a pattern with ``*`` and ``?`` fits; brackets stand for themselves, since ids have them."""
+    """Whether a pattern with ``*`` and ``?`` fits; brackets are literal, since ids have them."""
     return re.fullmatch(re.escape(pattern).replace(r"\*", ".*").replace(r"\?", "."), text) is not None
 
 

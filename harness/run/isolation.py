@@ -1,9 +1,9 @@
 """Run a command that may crash, hang, flood its output, take all memory or leave children behind.
 
-The command runs in a session and process group of its own. Whatever happens (normal end, time limit, Ctrl-C), the whole
+The command runs in its own session and process group. Whatever happens (normal end, time limit, Ctrl-C), the whole
 group is killed before the leader is reaped, so that nothing outlives the call; pipes are read all the time and only
 their last bytes are kept, so that no amount of output can block either side. Should this process end before the call does, its
-warden ends the command.
+guard ends the command.
 
 Where `warm_starts` is on, a driver that asks for it runs in a copy of a process of the same command which has loaded its engine, its
 `ForkServer`: what a start takes, YADE's for instance most of a second, is paid once. Copies are held as commands are.
@@ -94,7 +94,7 @@ class _ForkedRun:
 
 
 class ForkServerError(Exception):
-    """A nursery that does not start runs: the command has to be started by itself, and tells what is wrong."""
+    """A fork server that does not start runs: the command has to be started by itself, and shows what is wrong."""
 
 
 class ForkServer:
@@ -182,7 +182,7 @@ def _started_run(
     """A run that has begun, and what reaps it."""
     if _fork_servers is not None and driver is not None and str(driver) in command:
         given = dict(os.environ if env is None else env)
-        # What names the run's own folder is not the nursery's.
+        # What names the run's own folder is not the fork server's.
         key = (*command, *sorted(f"{name}={text}" for name, text in given.items() if str(cwd) not in text))
         with suppress(ForkServerError):
             fork_server = _fork_servers.pop(key, None) or ForkServer(command, str(driver), cwd, given)

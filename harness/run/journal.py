@@ -181,7 +181,7 @@ def _checksum(digest: bytes, payload: bytes) -> bytes:
 
 
 def _records(stream: IO[bytes], *, whole: bool) -> Iterator[tuple[bytes, bytes, int]]:
-    """Digest, payload and end of each good record; the payload is empty, and unchecked, of all but the first unless ``whole``."""
+    """Digest, payload and end of each good record; the payload is empty, and unchecked, of all except the first unless ``whole``."""
     end = os.fstat(stream.fileno()).st_size
     stream.seek(0)
     while len(head := stream.read(_HEAD.size)) == _HEAD.size:
@@ -240,7 +240,7 @@ class Journal:
     kept : dict
         Results that an interrupted run has left, by the number of the cell.
     notes : list of str
-        What there is to tell the user, a line each.
+        What there is to report to the user, a line each.
     """
 
     store: Path

@@ -55,7 +55,7 @@ def default_limit(jobs: int = 1) -> float:
     """Half of what this machine has, or this container may use, shared by the cells that run at once; at least `LEAST`."""
     whole = float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     for path in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
-        with suppress(OSError, ValueError):  # none of its own: "max", or no such file
+        with suppress(OSError, ValueError):  # no separate one: "max", or no such file
             whole = min(whole, float(Path(path).read_text()))
     return max(float(LEAST), 0.5 * whole / min(max(1, jobs), 10**9))
 

@@ -153,7 +153,7 @@ def _known_options(engines: Mapping[str, Engine | Exception]) -> dict[str, str]:
 
 
 class _BrokenCase:
-    """Stands for a case that cannot be loaded, so that the others of a run do not go down with it."""
+    """Represents a case that cannot be loaded, so that the others of a run do not go down with it."""
 
     version = 0
     title = source = requirement = "cannot be loaded"

@@ -1,12 +1,12 @@
 """Nothing that a process of ours starts outlives it, whatever ends it.
 
-A process that starts others first starts its warden: this file as a program, in a session of its own, with the reading end of a pipe
-whose only writing end its owner holds. When that end closes, by a return, an exception or any signal, SIGKILL included, the warden
+A process that starts others first starts its guard: this file as a program, in its own session, with the reading end of a pipe
+whose only writing end its owner holds. When that end closes, by a return, an exception or any signal, SIGKILL included, the guard
 ends all that carry the owner's mark in their environment: SIGTERM first, so that a worker can put away its cell, SIGKILL after `GRACE`.
 Children inherit the mark, so that neither a process group nor a session hides them. Between fork and exec a child holds the writing end
-as well: the warden begins when it is marked.
+as well: the guard begins when it is marked.
 
-It needs /proc; without it workers still see their link close, and engines end with their groups as long as their owner can tell them.
+It needs /proc; without it workers still see their link close, and engines end with their groups as long as their owner can find them.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from pathlib import Path
 
 MARK = "NINEDISK_OWNER"
 GRACE = 0.75
-"""Seconds between SIGTERM and SIGKILL: a worker that has to be killed leaves engines behind, whose own warden takes as long again."""
+"""Seconds between SIGTERM and SIGKILL: a worker that has to be killed leaves engines behind, whose own guard takes as long again."""
 PATIENCE = 10.0
-"""Seconds after which the warden gives up on a process that even SIGKILL does not end (one that waits for a device)."""
+"""Seconds after which the guard gives up on a process that even SIGKILL does not end (one that waits for a device)."""
 
 _PROCESSES = Path("/proc")
 _lock = threading.Lock()
@@ -43,7 +43,7 @@ def guarded_environment(environment: Mapping[str, str] | None = None) -> dict[st
     Raises
     ------
     OSError
-        If the warden cannot be started.
+        If the guard cannot be started.
     """
     global _token, _pipe
     kept = dict(os.environ if environment is None else environment)
@@ -56,12 +56,12 @@ def guarded_environment(environment: Mapping[str, str] | None = None) -> dict[st
 
 
 def _start_guard() -> tuple[str, int]:
-    """Start the warden; its mark, and the descriptor that this process holds until it ends."""
+    """Start the guard; its mark, and the descriptor that this process holds until it ends."""
     token = os.urandom(16).hex()
     reading, writing = os.pipe()
     own = {name: value for name, value in os.environ.items() if name != MARK}
     try:
-        # The program makes a copy of itself and ends: the warden is nobody's child.
+        # The program makes a copy of itself and ends: the guard is nobody's child.
         subprocess.run(
             [sys.executable, "-I", "-S", __file__, str(reading), token],
             stdin=subprocess.DEVNULL,
@@ -112,7 +112,7 @@ def _guarded_processes(mark: bytes) -> set[int]:
     found = set()
     for folder in _PROCESSES.iterdir():
         if folder.name.isdigit():
-            with suppress(OSError):  # it has ended, or is somebody else's
+            with suppress(OSError):  # it has ended, or belongs to another process
                 if mark in (folder / "environ").read_bytes().split(b"\0"):
                     found.add(int(folder.name))
     return found

@@ -88,7 +88,7 @@ def package_folder(name: str) -> Path:
 def source_digest() -> str:
     """SHA-256 of every file of ours that can move a number: core, references and harness, by relative name and content.
 
-    Tells two states of a changed checkout apart, which have one commit, and needs no checkout.
+    Distinguishes two states of a changed checkout, which have one commit, and needs no checkout.
     """
     digest = hashlib.sha256()
     for package in COMPUTING:

@@ -1,6 +1,6 @@
 """Runs one cell: a variant of a case on an engine, held against every truth that binds it; `ninedisk.harness.run.workers` runs many.
 
-A cell that does not run to its end has a result too, with the columns that were known by then. `dry_checks` tells which checks a
+A cell that does not run to its end has a result too, with the columns that were known by then. `dry_checks` shows which checks a
 cell will have, without running its engine.
 """
 
@@ -138,7 +138,7 @@ class Patience:
         )
 
     def record_outcome(self, cell: Cell, result: CaseResult) -> None:
-        """Take note of how a cell ended; one that never reached the engine tells nothing."""
+        """Take note of how a cell ended; one that never reached the engine says nothing."""
         late = self._late.setdefault(cell.engine_id, [])
         if result.status == "timeout" and len(late) < LATE_CELLS:
             late.append(cell)
@@ -200,7 +200,7 @@ def run_cell(
 
 
 def unsupported_reason(info: EngineInfo, support: Support) -> str:
-    """Why an engine does not run a scene: what it lacks, where its documentation says that this is on purpose, and notes."""
+    """Why an engine does not run a scene: what it lacks, where its documentation says that this is deliberately, and notes."""
     lacks = ["it lacks " + ", ".join(support.missing)] if support.missing else []
     links: dict[str, list[str]] = {}
     for capability in support.missing:
@@ -232,7 +232,7 @@ def last_lines(error: BaseException) -> str:
     if len(lines) > _KEPT_LINES:
         lines = [lines[0], *lines[1 - _KEPT_LINES :]]
     text = "\n".join(lines)
-    # What went wrong stands at the beginning, what the engine said last at the end.
+    # What went wrong is at the beginning, what the engine said last at the end.
     return text if len(text) <= _KEPT_LENGTH else f"{text[: _KEPT_LENGTH // 2]} ... {text[-_KEPT_LENGTH // 2 :]}"
 
 
@@ -332,7 +332,7 @@ def frames(history: History) -> dict[str, Any]:
 
 
 def broken_cell(cell: Cell, reason: str) -> CaseResult:
-    """Result of a cell whose process did not live to tell it: status error."""
+    """Result of a cell whose process did not live to report it: status error."""
     head = planned_columns(cell)
     if not isinstance(cell.engine, Exception):
         with suppress(Exception):  # facts that cannot be had are no reason to lose the cell
@@ -418,7 +418,7 @@ def dry_checks(cell: Cell, info: EngineInfo) -> list[Check]:
     """The checks of a cell over a history without numbers: quantities and truths are right, values are NaN.
 
     Which truths bind a cell follows from its parameters, its set-up and the engine's facts, never from the numbers that
-    the engine computes; so the case's own ``observe`` and ``checks`` tell them from a blank history.
+    the engine computes; so the case's own ``observe`` and ``checks`` give them from a blank history.
     """
     if isinstance(cell.setup, Exception):
         raise cell.setup

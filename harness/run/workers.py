@@ -6,7 +6,7 @@ loky) give up everything that waits as soon as one of their processes dies, and 
 A worker is a fresh interpreter, not a copy of this one: locks and threads of libraries do not survive a copy. It stays warm
 from cell to cell, so that modules and compiled kernels are loaded once. It ends when its link closes, whatever happens to this
 process; a cell in hand is then interrupted as by Ctrl-C, so that its external engine and temporary folder go with it. One that does
-not heed that is killed by the warden of the process that it serves.
+not heed that is killed by the guard of the process that it serves.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def run_cells(
     cluster : CellRunner, optional
         Run them there instead (`ninedisk.harness.run.cluster`).
     memory : float, optional
-        Bytes that a cell's engine may hold, in a process of its own or in a worker's; None: `ninedisk.harness.run.limits.memory_limit`,
+        Bytes that a cell's engine may hold, in its own process or in a worker's; None: `ninedisk.harness.run.limits.memory_limit`,
         and on this machine with several jobs their share of `ninedisk.harness.run.limits.default_limit`.
     kept : mapping, optional
         Results of an interrupted run by the number of their cell, which are not run.
@@ -328,7 +328,7 @@ class Worker:
         return LostWorkerError(f"its process {how}{where}", own_doing=not outside)
 
     def kill(self) -> None:
-        """End it now; its warden ends what it has started."""
+        """End it now; its guard ends what it has started."""
         self._process.kill()
         self._process.wait()
 
@@ -524,7 +524,7 @@ class _Dispatch:
         self._keep(number, broken_cell(self.cells[number], f"{error}{times}"))
 
     def _end_large_workers(self) -> None:
-        """Workers in which an engine takes too much memory; what runs beside them in a process of its own is watched there."""
+        """Workers in which an engine takes too much memory; what runs beside them in its own process is watched there."""
         for worker, number in list(self._busy.items()):
             if (held := resident(worker.pid, children=False)) > self.memory:
                 del self._busy[worker]

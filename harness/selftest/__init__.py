@@ -1,1 +1,1 @@
-"""A gallery of deliberately wrong engines, and whether the suite names a failing check for each of them."""
+"""Mutants: deliberately wrong engines, and whether the suite names a failing check for each of them."""

@@ -1,4 +1,4 @@
-"""An honest engine with rigid contacts, in the place of a stranger's: contact dynamics by Newton's and Coulomb's laws.
+"""An honest engine with rigid contacts, in the place of a third-party one: contact dynamics by Newton's and Coulomb's laws.
 
 With Newton's restitution, Coulomb's sliding rule and theta = 1 a step of contact dynamics is that of any impulse-based engine:
 velocities first, positions with the new ones. What it is declared as decides which tolerances it is judged by, not what it
@@ -48,12 +48,12 @@ class Declared:
         self.id = self.contact = contact
 
     def info(self) -> EngineInfo:
-        """Facts as a stranger's engine would state them."""
+        """Facts as a third-party engine would state them."""
         return replace(
             ENGINE.info(),
             id=self.id,
             name=f"honest engine, {self.contact}",
-            # Solvers of soft contacts have steps of their own, which no exact step binds.
+            # Solvers of soft contacts have their own steps, which no exact step binds.
             scheme="semi-implicit-euler" if self.contact == "impulse" else "semi-implicit Euler, regularised",
             contact=self.contact,
             options={},

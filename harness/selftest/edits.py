@@ -1,4 +1,4 @@
-"""Edits of the core's sources: an expression or some statements of one function, and what stands there instead.
+"""Edits of the core's sources: an expression or some statements of one function, and what replaces it.
 
 Edits are made while the core is imported: no file is copied and none is changed. This module imports nothing of the core, so that a
 process can plant the edits before the core is loaded.
@@ -46,10 +46,10 @@ class Edit:
 
     Notes
     -----
-    A renamed local does not break an edit. Names of ``old`` stand for themselves first. If ``old`` does not occur, those of its names
+    A renamed local does not break an edit. Names of ``old`` are matched as they are first. If ``old`` does not occur, those of its names
     that are unknown become placeholders: they occur nowhere in the function, are no names of its module and are not built in. A
-    placeholder stands for one local name (an argument, or a name that the function assigns), the same wherever it is written. Two
-    placeholders never stand for the same local name, and none stands for a name that ``old`` also has. Exactly one place must fit.
+    placeholder represents one local name (an argument, or a name that the function assigns), the same wherever it is written. Two
+    placeholders never represent the same local name, and none represents a name that ``old`` also has. Exactly one place must fit.
     Placeholders in ``new`` are replaced as in ``old``. Attributes, keywords and names of modules are never placeholders.
     """
 
@@ -236,13 +236,13 @@ def _candidate_places(scope: ast.AST, old: Sequence[ast.AST]) -> Iterator[_Place
 def _find_place(
     old: list[ast.AST], places: Sequence[_Place], placeholders: set[str], local: set[str]
 ) -> list[tuple[_Place, _Binding]]:
-    """Where ``old`` is, and what its placeholders stand for there."""
+    """Where ``old`` is, and what its placeholders represent there."""
     tried = [(place, dict.fromkeys(placeholders, "")) for place in places]
     return [(place, bound) for place, bound in tried if _same(old, place.nodes, bound, local)]
 
 
 def _same(old: object, here: object, bound: _Binding, local: set[str]) -> bool:
-    """Whether ``old`` is ``here``; ``bound`` has "" for placeholders that stand for nothing yet, and is filled."""
+    """Whether ``old`` is ``here``; ``bound`` has "" for placeholders that represent nothing yet, and is filled."""
     if isinstance(old, list):
         return (
             isinstance(here, list)

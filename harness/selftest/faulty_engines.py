@@ -1,4 +1,4 @@
-"""Lies of a stranger's engine: physics that is wrong by a little, told under either declaration of its contacts."""
+"""Faulty answers of a third-party engine: physics that is wrong by a little, given under either declaration of its contacts."""
 
 from __future__ import annotations
 

@@ -15,10 +15,10 @@ from ninedisk.harness.selftest.defect import After, Defect
 FloatArray = NDArray[np.float64]
 
 STATE = ("x", "v", "angle", "omega", "gap", "fn", "fs")
-"""Arrays of a history that tell of disks and contacts, with samples as their first axis."""
+"""Arrays of a history that describe disks and contacts, with samples as their first axis."""
 
 WALLS = ("wall_point", "wall_angle", "wall_force")
-"""Those that tell of walls."""
+"""Those that describe walls."""
 
 SEED, NOISE = 1979, 1e-6
 

@@ -32,7 +32,7 @@ TWO, CLUSTER, ORBIT, BELT = "impact/two-disks", "contact/cluster", "contact/orbi
 HOLDING = "contact/holding"
 
 ENGINES = ("dem", "spheres", "cd", *DECLARED)
-"""`spheres` is the DEM on scenes in space: a panel of its own, whose defects are not run on the plane's."""
+"""`spheres` is the DEM on scenes in space: its own panel, whose defects are not run on the plane's."""
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def run_selftest(
     ----------
     defects : sequence of Defect
     jobs : int
-        Wrong engines that run at the same time, each in a process of its own.
+        Wrong engines that run at the same time, each in its own process.
     quick : bool
         Run each wrong engine on its witness alone, and the right ones on all witnesses.
     progress : callable
@@ -125,7 +125,7 @@ def run_selftest(
 
 
 def _run_of(defect: Defect) -> tuple[str, ...]:
-    """What tells apart the runs of two defects."""
+    """What distinguishes the runs of two defects."""
     return ("declared", defect.name) if defect.engine in DECLARED else (defect.engine, defect.name)
 
 
@@ -149,7 +149,7 @@ def _units(defects: Sequence[Defect], most: int) -> list[list[Defect]]:
 
 @contextmanager
 def _warm_starts() -> Iterator[None]:
-    """Processes of wrong engines start as copies of one that has loaded all but the core (`isolation.ForkServer`); they end here."""
+    """Processes of wrong engines start as copies of one that has loaded all except the core (`isolation.ForkServer`); they end here."""
     before = isolation._fork_servers
     isolation.warm_starts()
     mine = isolation._fork_servers
@@ -183,7 +183,7 @@ def selftest_row(defect: Defect, results: Sequence[CaseResult], seconds: float) 
         "engine": defect.engine,
         "kind": defect.kind,
         "what": defect.what,
-        # A report that the harness refuses is no result; an engine that fails by itself has told nothing wrong.
+        # A report that the harness refuses is no result; an engine that fails by itself has reported nothing wrong.
         "caught": bool(failed or (broken and defect.kind == "history")),
         "checks": [check_id(row) for row in failed],
         "by_case": dict(Counter(str(row["case"]) for row in failed)),
@@ -328,7 +328,7 @@ def run_in_one_process(asked: Sequence[tuple[Defect, Sequence[Cell]]]) -> list[l
 
 
 def outcomes(defect: Defect, cells: Sequence[Cell], *, compiled: bool = False) -> list[Outcome]:
-    """Run the wrong engine on all cells, in one process of its own; ``compiled``: with kernels compiled for it, not interpreted.
+    """Run the wrong engine on all cells, in its own process; ``compiled``: with kernels compiled for it, not interpreted.
 
     Raises
     ------
@@ -415,7 +415,7 @@ def _engine_answers(defect: Defect, setup: Setup) -> tuple[Scene, Numerics]:
 
 
 def _read(file: Path, scene: Scene, numerics: Numerics, setup: Setup, ended: str) -> Outcome:
-    """One answer; its times are those that were asked for, whatever the engine was told."""
+    """One answer; its times are those that were asked for, whatever the engine was given."""
     try:
         text = file.read_text(encoding="utf-8")
     except OSError:

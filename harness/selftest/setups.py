@@ -1,4 +1,4 @@
-"""Defects of what a right engine is told: its scene or its numerics differ from the case's."""
+"""Defects of what a right engine is given: its scene or its numerics differ from the case's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tests of the suite: which there are, found without running an engine, how each is judged, and what a failed one tells.
+"""The tests of the suite: which there are, found without running an engine, how each is judged, and what a failed one reports.
 
 How much of a case's matrix a test belongs to: ``-m smoke``, ``-m core`` or ``-m full``.
 
@@ -31,7 +31,7 @@ from ninedisk.harness.suite.reuse import StoredCells, open_store
 from ninedisk.harness.wire.command import engines_given
 
 CELL = "cell"
-"""Name of the test that stands for the cell as a whole."""
+"""Name of the test that represents the cell as a whole."""
 
 CheckName = tuple[str, str, str]
 """Id, quantity and kind of truth of a collected check."""
@@ -126,7 +126,7 @@ def _collect(cell: Cell) -> list[CheckName]:
             return []
         pairs = [(check.quantity, check.truth) for check in dry_checks(cell, info)]
         return [(name, *pair) for name, pair in zip(check_ids(pairs), pairs, strict=True)]
-    except Exception:  # the test of the cell tells why
+    except Exception:  # the test of the cell shows why
         return []
 
 
@@ -156,7 +156,7 @@ class CellCheck:
         return results[key]
 
     def verify(self) -> None:
-        """Pass, skip, xfail or fail as the status says; a failure tells value, reference, tolerance and its reason."""
+        """Pass, skip, xfail or fail as the status says; a failure reports value, reference, tolerance and its reason."""
         __tracebackhide__ = True
         result = self.result()
         if result.status in ("unsupported", "not-installed"):

@@ -1,8 +1,8 @@
-"""Cells of a finished run that are judged as they stand, because running them again could only give the same.
+"""Cells of a finished run that are judged unchanged, because running them again could only give the same.
 
 A stored cell is taken only if everything that can move its numbers is what it was: our sources by their content, Python, the
 packages, the machine, the engine's version, the case's version, and the very scene and numerics. Cells of other packages' cases
-and engines are run in any case, since nothing tells whether their sources changed; so are cells that ended without a
+and engines are run in any case, since nothing shows whether their sources changed; so are cells that ended without a
 measurement.
 """
 
@@ -35,7 +35,7 @@ MEASURED = frozenset({"pass", "fail", "known-gap", "gap-closed", "known-differen
 
 @dataclass(frozen=True)
 class StoredCells:
-    """Cells that may be judged from a store, newest first, and what there is to tell about it."""
+    """Cells that may be judged from a store, newest first, and what there is to report about it."""
 
     message: str
     cells: Mapping[CellKey, tuple[str, Row]] = field(default_factory=dict)

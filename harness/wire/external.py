@@ -1,4 +1,4 @@
-"""Base of every engine that runs in a process of its own and speaks the wire format."""
+"""Base of every engine that runs in its own process and speaks the wire format."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ninedisk.harness.wire.protocol import Request, decode_answer, encode_reques
 class ExternalEngine(ABC):
     """Adapter of an out-of-process engine; a subclass gives `id`, `info` and `command`.
 
-    Each run has a temporary folder of its own, which is its working directory and ``TMPDIR`` and is removed at the end.
+    Each run has its own temporary folder, which is its working directory and ``TMPDIR`` and is removed at the end.
     Everything else is optional: `supports` (by default: every capability that is needed is among those of `info`),
     `extra` (additions to the request), `environment`, `working_folder`, `answer_text` and `time_limit`. A scene is a `Scene`, or
     a `SphereScene` where `info` has `Capability.SPHERES`.
@@ -78,7 +78,7 @@ class ExternalEngine(ABC):
             ) from error
 
     def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the engine in a process of its own.
+        """Run the engine in its own process.
 
         ``timings.setup`` is everything but warm-up and advance: the start of the process, or of its copy, and the transport included.
 

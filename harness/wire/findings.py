@@ -1,6 +1,6 @@
 """What engines that are known by their commands do otherwise (``docs/examples``); see `ninedisk.harness.api.finding`.
 
-No registered engine stands behind these ids: they are measured where a store has cells that ``--engine-cmd`` ran.
+No registered engine is behind these ids: they are measured where a store has cells that ``--engine-cmd`` ran.
 """
 
 from ninedisk.harness.api.finding import Finding, Size

@@ -207,7 +207,7 @@ def decode_answer(
     EngineUnsupportedError
         If the engine answered that it cannot express the scene.
     EngineError
-        If the engine answered with an error of its own, or its state stopped being finite (with the step).
+        If the engine answered with its own error, or its state stopped being finite (with the step).
     """
     data = parse_message(text, "answer")
     if "error" in data:

@@ -64,7 +64,7 @@ def validator(name: str) -> Draft202012Validator:
 
 
 def fault(name: str, data: Any) -> str | None:
-    """Where and how ``data`` breaks a schema, most telling fault first; None if it keeps to it."""
+    """Where and how ``data`` breaks a schema, most informative fault first; None if it keeps to it."""
     from jsonschema.exceptions import best_match
 
     found = best_match(validator(name).iter_errors(data))

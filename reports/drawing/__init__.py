@@ -1,1 +1,1 @@
-"""Pictures: charts, sketches, configurations of a run, on common scales, in colours that tell engines apart."""
+"""Pictures: charts, sketches, configurations of a run, on common scales, in colours that distinguish engines."""

@@ -116,7 +116,7 @@ class PointChart:
     ``limits``, (low, high) of either axis, replaces those that the points suggest. Few points have their own marks on a
     logarithmic horizontal axis, unless ``decades`` are asked for, as for what has been measured. A ``bare`` chart leaves the names
     of its lines to the legend. An ``equal`` one has the same scale on both axes, so that a circle is one; ``engine`` is whose it
-    is, if its points do not tell.
+    is, if its points do not report.
     """
 
     title: str

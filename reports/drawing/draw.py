@@ -29,7 +29,7 @@ MARKS = 7
 FLAT = 2e-3
 """Relative span below which a quantity counts as constant."""
 MOST_TOLD = 12
-"""Moving bodies of a sketch whose speeds are told."""
+"""Moving bodies of a sketch whose speeds are given."""
 MOST_NUMBERED = 60
 ROMAN = ("i", "ii", "iii", "iv", "v", "vi", "vii", "viii", "ix", "x", "xi", "xii")
 MOTION, GRAVITY, MARK = PALETTE[0], PALETTE[2], "#d64545"
@@ -787,7 +787,7 @@ def _slope(axes: Any, wall: WallView, low: FloatArray, high: FloatArray) -> None
     if not 0.5 < angle < 89.5:
         return
     side = 1.0 if uphill[0] > 0.0 else -1.0
-    # The lowest point of the plane that is well inside the picture, on its way up from the lower corner.
+    # The lowest point of the plane that is well inside the picture, moving up from the lower corner.
     room = 0.05 * (high - low)
     corner = np.array([low[0] + room[0] if side > 0.0 else high[0] - room[0], low[1] + room[1]])
     foot = wall.point + float(((corner - wall.point) / uphill).max()) * uphill

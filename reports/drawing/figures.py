@@ -115,7 +115,7 @@ def case_figures(panel: Panel, case: CaseData) -> list[FigureBlock]:
 
 
 def case_budgets(panel: Panel, case: CaseData) -> list[tuple[Figure, list[tuple[str, list[StackPanel]]]]]:
-    """Figures of stacked quantities: under the heading of each variant one panel for each engine that tells them all.
+    """Figures of stacked quantities: under the heading of each variant one panel for each engine that reports them all.
 
     A quantity whose number in the plan is "-" is taken off beneath; one that is zero throughout is left out.
     """
@@ -452,7 +452,7 @@ def convergences(case: CaseData, looks: dict[str, Look]) -> list[Convergence]:
 
 
 def values_against_step(case: CaseData, looks: dict[str, Look]) -> list[tuple[Any, list[PointChart]]]:
-    """Numbers whose value, not error, tells engines apart as the step shrinks, with the levels they are held against."""
+    """Numbers whose value, not error, distinguishes engines as the step shrinks, with the levels they are held against."""
     made = []
     for plan in case.figures:
         if plan.kind != "values":

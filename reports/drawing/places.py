@@ -22,7 +22,7 @@ Cell = tuple[str, str]
 """Engine and variant."""
 
 READ = "read off"
-"""Beginning of the keys of what somebody read off a figure."""
+"""Beginning of the keys of what was read off a figure."""
 
 MANY = 50
 """Points of one engine that are samples rather than places."""

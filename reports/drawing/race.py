@@ -126,7 +126,7 @@ def _tightest(times: Times, engine: str, problem: str, targets: Sequence[float])
 
 
 def _best(times: Times, target: float) -> dict[str, float]:
-    """Shortest time of each problem that anybody solves to a target."""
+    """Shortest time of each problem that any solver solves to a target."""
     found: dict[str, float] = {}
     for (_, problem, t), seconds in times.items():
         if t == target:

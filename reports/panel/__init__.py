@@ -1,1 +1,1 @@
-"""What a store tells: stored rows joined into cases and engines, ranked, and as the pages print them."""
+"""What a store shows: stored rows joined into cases and engines, ranked, and as the pages print them."""

@@ -1,4 +1,4 @@
-"""What the headlines of a store tell: errors relative to the case's own scale, ranks of engines, where they disagree.
+"""What the headlines of a store report: errors relative to the case's own scale, ranks of engines, where they disagree.
 
 An error counts on a headline as the largest over the variants that ran. Ranks compare what is comparable: of two engines the errors on
 the variants that both have a number on.

@@ -1,6 +1,6 @@
 """The panel: stored rows joined into cases, engines and rated measurements.
 
-Besides, what a case's page tells of them: its measurements in three tables (rated, known gaps, without a rating; long ones continue in
+Besides, what a case's page says of them: its measurements in three tables (rated, known gaps, without a rating; long ones continue in
 the data file), and how far the histories of two engines lie apart.
 """
 
@@ -351,7 +351,7 @@ def case_tables(case: CaseData) -> CaseTables:
     unrated = [row for row in case.measurements if not is_rated(row) and row["status"] not in EXPLAINED]
     notes: dict[tuple[str, str, str], int] = {}
     for row in (*rows[SHOWN:], *gaps, *unrated):
-        # What a failure says, its numbers say as well; every other reason is told once.
+        # What a failure says, its numbers say as well; every other reason is printed once.
         reason = "" if row["status"] == "fail" else row["reason"]
         row["note"] = notes.setdefault((row["why"], row["source"], reason), len(notes) + 1)
     return CaseTables(rows, gaps, unrated, list(notes))

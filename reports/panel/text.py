@@ -1,4 +1,4 @@
-"""Numbers, durations, file names, symbols and words as the pages print them: no meaning is told by colour alone."""
+"""Numbers, durations, file names, symbols and words as the pages print them: no meaning is given by colour alone."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ninedisk.harness.results.schema import short_variant as short_variant
 from ninedisk.harness.results.statuses import TABLE
 
 NOTHING = "—"
-"""What stands for a number that is missing, not a number or infinite."""
+"""What represents a number that is missing, not a number or infinite."""
 
 
 def as_float(value: Any) -> float:

@@ -1,7 +1,7 @@
 """Which engine for what: of everything and of each use the engines by headline error, and by the time that an error of 1 % takes them.
 
 The figure of an engine is its *worst* headline error in a use, not a mean. A mean of decades hides one result that is off by half
-behind nine that are exact, and who takes the engine meets that one as well; which headline it is stands beside. Engines are compared on
+behind nine that are exact, and who takes the engine meets that one as well; which headline it is, is given beside. Engines are compared on
 what they share: of a headline the variants count that two engines or more have a number on (all, where only one engine has any), so that
 settings that one engine alone has neither spoil nor save it. What an engine covers is the share of these variants that it has a number on,
 mean over the headlines; one that covers less than half of a use, as one that knows plastic impacts only, stands apart and is neither the
@@ -82,7 +82,7 @@ class Rank:
 
     @property
     def measure(self) -> str:
-        """The error as pages print it, all of round-off alike: engines tie that a reader could not tell apart by it."""
+        """The error as pages print it, all of round-off alike: engines tie that a reader could not distinguish by it."""
         return percent(max(self.error, ROUND_OFF))
 
 

@@ -371,13 +371,13 @@ class Oracle:
         self.step += 1
 
     def _note_rates(self, share: float, v: Vector, omega: Vector) -> None:
-        """Add a share of a step's losses by forces that depend on velocities; global damping acts along the way of the step's kick."""
+        """Add a share of a step's losses by forces that depend on velocities; global damping acts along the path of the step's kick."""
         for name, power in self.rate_losses.items():
             self.losses[name] += share * self.dt * power
         self.losses["damping"] += self._damping(v, omega, 1.0 if self.step == 0 else 0.5) * share
 
     def _damping(self, v: Vector, omega: Vector, mean: float) -> float:
-        """Work against global damping in a step about ``t_n`` [J], its way being a mean of the velocities before and after."""
+        """Work against global damping in a step about ``t_n`` [J], its path being a mean of the velocities before and after."""
         disks, central = self.scene.disks, self.numerics.damping_form == "central" and self.step > 0
         total = 0.0
         for weight, old, new in (

@@ -141,7 +141,7 @@ def test_empty_history_is_all_nan_and_of_the_right_shapes() -> None:
         value for name, value in vars(history).items() if isinstance(value, np.ndarray) and name not in ("step", "t")
     ]
     assert all(np.isnan(value).all() and value.size for value in (*filled, *history.energy.values()))
-    # Arrays of their own: an engine writes one without touching another.
+    # Separate arrays: an engine writes one without touching another.
     history.fn[:] = 1.0
     assert np.isnan(history.fs).all()
     assert_shapes(History.empty(steps, steps * 0.1, n_disks=1, n_walls=0, pairs=()), 3, 1, 0, 0)

@@ -110,7 +110,7 @@ print(json.dumps({
 
 
 def in_fresh_processes(count: int, **environment: str) -> list[dict[str, object]]:
-    """Place a wall with the compiled kernel, in several processes at once, and tell where its machine code came from."""
+    """Place a wall with the compiled kernel, in several processes at once, and report where its machine code came from."""
     clean = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     command = [sys.executable, "-c", PROGRAM]
     begun = [

@@ -416,11 +416,11 @@ ODD: dict[str, Callable[[], Any]] = {
     "broken": Broken, "object": object, "law": lambda: ANY_LAW, "scene": lambda: SCENE, "numerics": lambda: STEPS, "ellipsis": lambda: ...,
 }  # fmt: skip
 REFUSED, SKIPPED = object(), object()
-"""An odd value that stands for nothing; one of which nothing is asked."""
+"""An odd value that represents nothing; one of which nothing is asked."""
 
 
 def number(value: Any) -> float | None:
-    """The number that an odd value stands for: a real one, not a truth value, alone or in an array without dimensions."""
+    """The number that an odd value represents: a real one, not a truth value, alone or in an array without dimensions."""
     if isinstance(value, np.ndarray) and not isinstance(value, np.ma.MaskedArray) and value.shape == ():
         value = value[()]
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | Fraction | np.integer | np.floating):
@@ -492,7 +492,7 @@ STEP_COUNT = between(1, 2**53, whole=True)
 
 
 class Column(NamedTuple):
-    """An argument that is an array: a right one, and which number may stand for a whole column."""
+    """An argument that is an array: a right one, and which number may represent a whole column."""
 
     right: Any
     scalar: Callable[[Any], Any] = lambda _: REFUSED
@@ -779,7 +779,7 @@ TARGETS: dict[str, Target] = {
 
 
 def odd_arrays(right: np.ndarray[Any, Any]) -> dict[str, tuple[Any, bool]]:
-    """Odd forms of an array, and whether each stands for the same numbers."""
+    """Odd forms of an array, and whether each represents the same numbers."""
     strided = np.repeat(right, 2, axis=0)[::2]
     read_only = right.copy()
     read_only.setflags(write=False)
@@ -810,7 +810,7 @@ ROWS = ("one row less", "one row more", "no row")
 
 
 def cases() -> list[tuple[str, str, str, Any, Any]]:
-    """Target, argument, what is odd, how it is made, and what it stands for."""
+    """Target, argument, what is odd, how it is made, and what it represents."""
     found: list[tuple[str, str, str, Any, Any]] = []
     for name, target in TARGETS.items():
         for argument, kind in target.kinds.items():

@@ -89,7 +89,7 @@ def test_sorted_and_striped_disks_follow_the_twin(monkeypatch: pytest.MonkeyPatc
 def test_where_a_run_pauses_or_samples_does_not_matter(
     sort_from: int, side: int, rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Between samples disks move on block by block, at samples in a pass of their own: the same bits.
+    """Between samples disks move on block by block, at samples in their own pass: the same bits.
 
     A single stripe of 48 x 48 disks is more than a block.
     """

@@ -1,4 +1,4 @@
-"""The documentation is built without a warning, and every command and program that it shows runs as it stands."""
+"""The documentation is built without a warning, and every command and program that it shows runs unchanged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GUIDES = sorted((ROOT / "docs").glob("*/*.md"))
 KINDS = ("tutorials", "how-to", "reference", "explanation")
 FOLLOWED = ("your-own-engine.md", "engines.md")
-"""Guides whose steps build on each other: tests of their own follow them from the first to the last."""
+"""Guides whose steps build on each other: their own tests follow them from the first to the last."""
 ALONE = [path for path in GUIDES if path.name not in FOLLOWED]
 
 

@@ -1,4 +1,4 @@
-"""`make report`: the page is built whatever the checks say, and the exit status tells findings from breakdowns."""
+"""`make report`: the page is built whatever the checks say, and the exit status separates findings from breakdowns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the README and the reference of the command line show works as it stands, and what they list is what there is."""
+"""What the README and the reference of the command line show works unchanged, and what they list is what there is."""
 
 from __future__ import annotations
 

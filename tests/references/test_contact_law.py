@@ -7,7 +7,7 @@ import pytest
 
 from ninedisk.references.contact_law import Errors, errors_of_forces, errors_of_motion, friction_error, planar_bodies
 
-# Three blocks of mass 2 without rotation, each on a floor of its own, in a step of 1 s: the first is pushed less than mu times its
+# Three blocks of mass 2 without rotation, each on its own floor, in a step of 1 s: the first is pushed less than mu times its
 # weight and sticks, the second more and slides, the third is lifted. v = M^-1 (f + H r), by hand.
 MU = np.array([0.5, 0.5, 0.5])
 M, F = np.diag([2.0] * 6), np.array([3.0, -10.0, 8.0, -10.0, 0.0, 6.0])  # x, y of each
@@ -42,7 +42,7 @@ def test_solutions_by_hand_have_no_error():
 
 
 def test_a_small_force_beside_fast_slip_is_seen():
-    """A millionth of a newton that slides at 2,000 m/s; of it and a slip as large as forces no square would tell."""
+    """A millionth of a newton that slides at 2,000 m/s; of it and a slip as large as forces no square would show."""
     p, slip, mu = 1e-6, 2e3, 0.5
     q = np.array([-p / 2.0, slip + mu * p / 2.0])  # u = r/2 + q = (0, slip)
     assert errors_of_forces(W[:2, :2], q, MU[:1], np.array([p, -mu * p])).natural_map < 1e-14
@@ -50,7 +50,7 @@ def test_a_small_force_beside_fast_slip_is_seen():
 
 
 def test_rounding_of_bodies_at_rest_is_no_error():
-    """Velocities that weight and forces cancel to, told twice with other rounding; a millionth of what they cancel is one."""
+    """Velocities that weight and forces cancel to, given twice with other rounding; a millionth of what they cancel is one."""
     still = (M[:2, :2], H[:2, :2], F[:2], np.zeros(2), MU[:1], R[:2], np.array([0.0, 1e-17]))
     assert errors_of_motion(*still, np.array([3e-17, 0.0])).worst < 1e-15
     assert errors_of_motion(*still, np.array([1e-6, 0.0])).dynamics > 1e-7

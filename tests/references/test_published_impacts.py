@@ -30,7 +30,7 @@ def sliding(quantity: str, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("quantity", UNCERTAINTY)
 def test_readings_of_sliding_impacts_are_as_sure_as_they_say(quantity):
-    """DEM within the reading's error; experiment and finite elements have errors of their own, four times as large."""
+    """DEM within the reading's error; experiment and finite elements have their own errors, four times as large."""
     farthest = 0.0
     for each in READINGS:
         x, y = np.array(each.x), np.array(each.y)

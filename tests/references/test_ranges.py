@@ -95,7 +95,7 @@ OWN: dict[str, dict[str, Any]] = {
     },
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
-"""Right arguments of functions of their own."""
+"""Right arguments of their own functions."""
 
 OBJECTS = {"shape", "one", "two", "rates", "planes", "modes", "q", "wall", "x"}
 """Arguments that are made by another function or class of the references, which has checked them."""

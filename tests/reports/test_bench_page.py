@@ -111,7 +111,7 @@ def test_the_page_draws_its_charts_alone_and_silently(tab: Any, tmp_path: Path) 
 
 
 def test_error_lines_lead_from_coarse_to_fine_steps_whatever_was_measured() -> None:
-    """A slow minute under the coarsest step turns the line, and does not tangle it; its times have no marks of their own."""
+    """A slow minute under the coarsest step turns the line, and does not tangle it; its times have no separate marks."""
     rows = [
         row("accuracy-nine-disks-overlap", "dem", 9, seconds, steps=steps, check_value=error)
         for steps, seconds, error in ((22000, 0.02, 1e-5), (5500, 0.03, 4e-5), (11000, 0.011, 2e-5))

@@ -1,11 +1,11 @@
 """Every case variant on every engine against every truth, on the tree at hand: the suite that outsiders run, one test a case and engine.
 
 `ninedisk.harness.suite` has a test for each check, some ten a cell and ten cells of a case: to collect, send and report them all takes
-longer than to judge them. Here one test judges all checks of a case on an engine and tells of each that fails. The suite's options hold
+longer than to judge them. Here one test judges all checks of a case on an engine and gives for each that fails. The suite's options hold
 here as well, but for ``--known-gaps``: what is known of our own engines is in their cases.
 
 A store that a run of this very code has left is judged, all of it. Without one every cell has to run, which takes as long as the main
-job: then those beyond the first variant of each case are slow, and so are other programs, whose adapters have tests of their own.
+job: then those beyond the first variant of each case are slow, and so are other programs, whose adapters have their own tests.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ class Factorisation(Protocol):
 
 
 def factorisation(indptr: IntArray, indices: IntArray) -> Factorisation:
-    """The factorisation for a pattern: supernodal, or dense where Numba is told not to compile.
+    """The factorisation for a pattern: supernodal, or dense where Numba is set not to compile.
 
     The supernodal kernels spell out machine instructions, which have no form that could be interpreted.
 
@@ -73,7 +73,7 @@ class _DenseCholesky:
         self._matrix = np.zeros((n, n))
 
     def update(self, data: FloatArray) -> bool:
-        # numpy reads the lower triangle: entry (row, column) of the upper one stands at (column, row) of that.
+        # numpy reads the lower triangle: entry (row, column) of the upper one is at (column, row) of that.
         self._matrix[self._column, self._row] = data
         try:
             self._factor = np.linalg.cholesky(self._matrix)

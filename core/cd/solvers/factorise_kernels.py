@@ -504,7 +504,7 @@ def merge_supernodes(
 ) -> None:
     """Join bodies with their parents to supernodes where the larger front takes less time than the two.
 
-    ``top[i]`` becomes the body that stands for i's supernode, its last one; ``pivots`` and ``bodies`` are right for those.
+    ``top[i]`` becomes the body that represents i's supernode, its last one; ``pivots`` and ``bodies`` are right for those.
     """
     n = parent.shape[0]
     for i in range(n):

@@ -176,7 +176,7 @@ class Stripes:
     ----------
     problem : ContactProblem
     r : ndarray, shape (c, 2)
-        Contact forces to begin with.
+        Initial contact forces.
     threads : int
 
     Attributes

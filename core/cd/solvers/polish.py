@@ -136,9 +136,9 @@ class Polish:
         """Exact forces, shape (c, 2), near ``r``, and their residuals; None if ``paths`` paths of ``pivots`` pivots do not lead to any.
 
         A round follows the path to the forces that the compliance holds near those of the last one. Where more contacts are closed than
-        can be at once, by gaps d times the way of a step, each changes them by ``d/SOFT`` along what W does not see, until a contact
+        can be at once, by gaps d times a step's displacement, each changes them by ``d/SOFT`` along what W does not see, until a contact
         opens or slips the other way. Such a drift is followed in one stride as far as the first change of a status: strides beyond
-        it can go round, from one set of such contacts to the next.
+        it can cycle, from one set of such contacts to the next.
         """
         z = r - self.problem.rho[:, None] * self.velocity(r)
         status, held, drift, striding = statuses(self.problem, z), r, np.zeros_like(r), False
@@ -298,7 +298,7 @@ class Polish:
             bodies = self.problem.bodies
             there = np.zeros(self.problem.n_bodies + 1, dtype=np.bool_)
             there[bodies[closed & ~self._seen]] = True
-            there[-1] = False  # where -1 stands for no body
+            there[-1] = False  # where -1 represents no body
             closed = closed | there[bodies].any(axis=1)
         self._seen |= closed
         self._seen[:] |= self._seen.mean() > MOST_SEEN

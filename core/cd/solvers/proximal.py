@@ -35,7 +35,7 @@ MAX_ITERATIONS, EACH = 50_000, 50
 FIRST_SOFT, MOST_SOFT = 1e-2, 1.0
 """Compliance over ``1/rho``: at the first every packing tried is solved by some five steps of Newton's method."""
 LOWER, RAISE, LEAST_RAISED = 0.8, 10.0, 1e-3
-"""Of the compliances once a point is found, and of those that were in its way, with what they get at least: see `_PointSequence`."""
+"""Of the compliances once a point is found, and of those that were in its path, with what they get at least: see `_PointSequence`."""
 ALIKE, ALL_ALIKE = 0.85, 1.0
 """Least ratio of the compliances of two contacts of one body, in the walk from the forces given and in that from the associated rule's."""
 RAISES = 8
@@ -43,7 +43,7 @@ RAISES = 8
 NEWTON = 12
 """Steps of Newton's method before the path is followed."""
 WRONG, HOPELESS = 8, 12
-"""Statuses that a step of Newton's method changes: up to so many, and they go round in a few places while all others are right, the path
+"""Statuses that a step of Newton's method changes: up to so many, and they cycle in a few places while all others are right, the path
 begins there and not where the error is least; of more than so many, one path in four found its end, after 23 pivots."""
 SHORTEST = 1e-3
 """Part of a step of Newton's method below which it is given up."""
@@ -55,7 +55,7 @@ NEARER = 0.1
 """Natural map over that at the last polish from which on the next one is worth its pivots."""
 SLICE, SLICE_NEAR = (2_000, 2.0), (1_000, 0.2)
 """Iterations from one start before the other has its turn, the first time, and those for each contact where that is more; which of the two
-arrives cannot be told before. And those from forces near a solution: most steps of a flow are solved in some hundred, so that a walk which
+converges cannot be foreseen. And those from forces near a solution: most steps of a flow are solved in some hundred, so that a walk which
 takes more has gone astray, and begins anew at each turn."""
 ASSOCIATED = 1e-8
 """Tolerance of the associated rule's forces, at most."""
@@ -157,7 +157,7 @@ class _Search:
 
     def associated(self) -> FloatArray | None:
         """Forces of the associated rule: Coulomb's law where nothing slides; where something does, its statuses are often the law's."""
-        # However loose the law's own tolerance: a walk from forces found to 1e-3 arrived nowhere, from those found to 1e-8 soon.
+        # However loose the law's own tolerance: a walk from forces found to 1e-3 did not converge, from those found to 1e-8 soon.
         options = replace(
             self.options, tolerance=min(self.options.tolerance, ASSOCIATED), time_limit=self.clock.remaining
         )
@@ -226,7 +226,7 @@ class _Newton(NamedTuple):
 class _PointSequence:
     """Proximal points from some forces on, until the search is over; near solutions with a polish.
 
-    Where a point is not found, Newton's method goes round in few places. The compliance is raised there until it is found, so that all
+    Where a point is not found, Newton's method cycles over few statuses. The compliance is raised there until it is found, so that all
     other places go on, and less and less around: no contact has less than ``alike`` times that of another one at the same body. Compliances
     scale the rows of the law, and a matrix whose eigenvalues all have positive real parts need not keep that under a scaling (it is stable,
     but not D-stable). Regular piles with more forces than balances are not solved where compliances differ much from one contact to the

@@ -164,7 +164,7 @@ def factorise_unsymmetric(
     Parameters
     ----------
     nodes, children, place
-        As in `factorise_fronts`; updates have places of their own.
+        As in `factorise_fronts`; updates have their own places.
     order : ndarray of int64, shape (b,)
         Bodies in the order of elimination.
     terms : ndarray of int64, shape (t, 4)

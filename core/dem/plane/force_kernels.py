@@ -11,7 +11,7 @@ tangent ``t_m`` gives ``-t_m.d' = -(d x d')/|m|``: the slip by translation with 
 normal of ``t_n`` it is of first order, and drifts along closed paths (`ContactLaw.slip_at`).
 
 Contacts between disks are computed by chunks of the neighbour list. A loop that looks at a pair, decides whether it touches and finds its
-forces is bound by wrong guesses of the processor: which pairs touch, and how many partners a disk has. So the pairs of a chunk go through
+forces is bound by branch mispredictions: which pairs touch, and how many partners a disk has. So the pairs of a chunk go through
 three loops without any branch: differences of the two disks into a scratch in the fastest cache, forces of all pairs in vector registers
 (a pair out of contact gets zero), sums into the disks.
 """
@@ -429,7 +429,7 @@ def note_law(disks: DiskArrays, laws: Laws, law: NDArray[np.float64], i: int, j:
 def note_pairs(
     disks: DiskArrays, views: Views, pairs: NeighbourList, all_pairs: NDArray[np.float64], laws: Laws | None
 ) -> None:
-    """Row and dashpot coefficient [N s/m] of each listed pair, into ``views``, and its law where pairs have ``laws`` of their own."""
+    """Row and dashpot coefficient [N s/m] of each listed pair, into ``views``, and its law where pairs have separate ``laws``."""
     for i in range(disks.x.shape[0]):
         for k in range(pairs.start[i], pairs.start[i + 1]):
             j = int(pairs.other[k])

@@ -143,7 +143,7 @@ def sort_into_images(x: NDArray[np.float64], width: float, images: Images, cells
     x : ndarray, shape (n, 2)
         Centres [m].
     width : float
-        Smallest height of a grid cell [m]; where the periodic cell is lower, as many as are in reach are told in the grid.
+        Smallest height of a grid cell [m]; where the periodic cell is lower, as many as are in reach are stored in the grid.
     images : Images
         ``now`` is read; ``home`` is written: whole edges by which each disk is out of the cell, of the lattice of least tilt.
     cells : Cells

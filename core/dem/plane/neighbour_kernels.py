@@ -28,7 +28,7 @@ from ninedisk.core.dem.state import (
 from ninedisk.core.pose import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 ROWS = 4
-"""Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in a pass of their own. A stripe of a crowded
+"""Rows of cells of a stripe: the fewer they are, the more disks lie on borders and move in their own pass. A stripe of a crowded
 place may have half as many."""
 
 REBUILD_COST = 5.0

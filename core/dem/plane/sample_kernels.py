@@ -139,7 +139,7 @@ def contact_energy(system: System) -> tuple[float, float]:
 
 @fused_kernel
 def energy_by_laws(system: System, laws: Laws) -> tuple[float, float, float]:
-    """Elastic energy of the normal, shear and rolling springs [J] where contacts have ``laws`` of their own."""
+    """Elastic energy of the normal, shear and rolling springs [J] where contacts have separate ``laws``."""
     disks, walls, pairs, wall_pairs = system.disks, system.walls, system.lists.pairs, system.lists.wall_pairs
     x, radius = disks.x, disks.radius
     normal, shear, rolling = 0.0, 0.0, 0.0

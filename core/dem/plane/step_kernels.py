@@ -167,7 +167,7 @@ def stripe_forces(
 
     Disks that are in order and have been a row of the list have all their forces, and no later row reads them. So, if the step
     ``moves_on``, they are kicked block by block, while they are in the fast caches: all in odd stripes, whose even neighbours are
-    done; in even ones all but those of the border, which the odd stripe before still touches.
+    done; in even ones all except those of the border, which the odd stripe before still touches.
 
     Returns
     -------

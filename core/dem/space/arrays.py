@@ -188,7 +188,7 @@ def law_row(law: SphereLaw) -> list[float]:
     for resistance in (law.rolling, law.twisting):
         given = resistance or Rolling(model="constant", mu=0.0)
         row += [float(MODELS[given.model]) if resistance else 0.0, given.mu, given.kr, given.beta]
-    # JKR's pull is part of its force, DMT's stands beside Hertz' force.
+    # JKR's pull is part of its force, DMT's is beside Hertz' force.
     held = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
     neck = (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) if law.sticks else 0.0
     return [*row, held * pi * law.surface_energy, neck]

@@ -51,7 +51,7 @@ def solved(h: Floats, x: float, y: float, z: float) -> Vector:
 
 
 @inline_kernel
-def room_left(images: Images, skin: float) -> float:
+def displacement_limit(images: Images, skin: float) -> float:
     """Bound on a sphere's displacement from the flow since the last rebuild, up to which the lists are complete [m]; 0: none.
 
     With ``F = h h_b^-1`` and ``u = x - F x_b`` a pair is ``d = F d_b + u_j - u_i`` apart, whichever image. A pair that is not listed was
@@ -71,7 +71,7 @@ def room_left(images: Images, skin: float) -> float:
 
 @kernel
 def beside_flow(state: State, images: Images, t: float, begin: int, end: int) -> float:
-    """Largest square of ``u = x - F x_b`` (`room_left`) of the spheres ``begin .. end-1`` at time ``t`` [m^2]; NaN if any is NaN.
+    """Largest square of ``u = x - F x_b`` (`displacement_limit`) of the spheres ``begin .. end-1`` at time ``t`` [m^2]; NaN if any is NaN.
 
     Rounding of u, and of the distances that contacts have across images, is added to it.
     """

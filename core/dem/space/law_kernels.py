@@ -113,7 +113,7 @@ class Touch(NamedTuple):
     roll, spin : vector
         ``R_i w_i + R_j w_j`` [m/s] and ``w_i + w_j`` [rad/s].
     spring : vector
-        What it remembers [N or m]; counts for nothing if the contact was open.
+        What it remembers [N or m]; is ignored if the contact was open.
     """
 
     neck: float
@@ -191,7 +191,7 @@ def contact(
     Parameters
     ----------
     hertz, middle, in_force, sticks : bool
-        Known to the compiler, so arguments of their own: whether the law is Hertz', slip that of mid-step, the spring remembered as a
+        Known to the compiler, so their own arguments: whether the law is Hertz', slip that of mid-step, the spring remembered as a
         force, the law JKR's.
     slip_dt : float
         As in `Step`.

@@ -59,7 +59,7 @@ IN_LAYER, LAYERS, IN_ROW = 3, 4, 5
 class Materials(NamedTuple):
     """What decides the law of a pair: by the scene's numbers of the spheres ``of`` and ``fixed``, by materials ``pair`` and ``plane``.
 
-    Pairs of fixed bodies are not listed. Spheres are all listed at a plane that ``moves``: nothing tells how far it gets until the next
+    Pairs of fixed bodies are not listed. Spheres are all listed at a plane that ``moves``: nothing shows how far it gets until the next
     list.
     """
 

@@ -14,7 +14,7 @@ WIDE = 4
 """Numbers of a vector in memory; a line of the caches holds two vectors."""
 
 INTERPRETED = bool(numba.config.DISABLE_JIT)  # type: ignore[attr-defined]
-"""Whether Numba is told not to compile: registers cannot be interpreted, and do the same in NumPy then."""
+"""Whether Numba is set not to compile: registers cannot be interpreted, and do the same in NumPy then."""
 
 VECTOR = ir.VectorType(ir.DoubleType(), WIDE)
 

@@ -110,7 +110,7 @@ LOSSES = ("friction_loss", "dashpot_loss", "rolling_loss", "damping_loss", "law_
 class SphereSession:
     """The in-house DEM on one scene in space.
 
-    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a session of its own that goes on from the present state, to the same bits.
+    A copy (`copy.copy`, `copy.deepcopy`, `pickle`) is a separate session that goes on from the present state, to the same bits.
 
     Parameters
     ----------

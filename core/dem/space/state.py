@@ -47,11 +47,11 @@ shear spring whose stiffness changes with the contact radius, a torque whose arm
 class State(NamedTuple):
     """Bodies: n spheres and m planes; a slot for each stripe in each of the steps that are done at once, those of one step in a row.
 
-    Spheres are in the order of their rows, which ``name`` tells in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
+    Spheres are in the order of their rows, which ``name`` gives in the scene's numbers; their vectors are in one dimension, `WIDE` numbers
     each, the last one 0. ``mobility`` is 1/m of the components that are not held, ``built`` the positions at the last rebuild of the lists,
     ``v_now`` and ``omega_now`` have what dashpots see where that is not ``v`` and ``omega``; ``braked`` is the energy that global damping
     has taken from each [J], where it is counted. ``now`` is where planes are, as in
-    `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` tells for each slot 1 + sphere and plane where a
+    `Planes`, ``load`` the force on each, ``share`` what the slots add to it; ``behind`` reports for each slot 1 + sphere and plane where a
     centre is behind one.
     """
 

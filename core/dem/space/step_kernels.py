@@ -23,7 +23,7 @@ from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.loads_kernels import share_of_kick
 from ninedisk.core.dem.plane.kick_kernels import NUMBER, farther
 from ninedisk.core.dem.space.force_kernels import forces_of_planes, forces_of_spheres
-from ninedisk.core.dem.space.image_kernels import POWER, beside_flow, clear_share, place_cell, room_left
+from ninedisk.core.dem.space.image_kernels import POWER, beside_flow, clear_share, displacement_limit, place_cell
 from ninedisk.core.dem.space.plane_kernels import place_planes
 from ninedisk.core.dem.space.registers import blend, scale
 from ninedisk.core.dem.space.scratch_kernels import FOUR, ONE, TWO
@@ -463,7 +463,7 @@ def advance(
             place_planes(motion, n * dt, state.now)
         if images is not None:
             place_cell(images, n * dt)
-            skin = 2.0 * room_left(images, scheme.skin)
+            skin = 2.0 * displacement_limit(images, scheme.skin)
         if n == due:
             batch.far[mine + 1] = foreseen(state, FORESEEN * dt, begin, end)
         wait_for_all(batch.flags, thread, threads)

@@ -1,4 +1,4 @@
-"""One saved contact problem on one general solver of quadratic programs, in a process of its own.
+"""One saved contact problem on one general solver of quadratic programs, in its own process.
 
 It reads ``{"solver", "problem", "answer", "tolerance", "time_limit"}`` as JSON from standard input and writes contact forces,
 velocities, seconds, iterations and the solver's own word into ``answer``.
@@ -55,7 +55,7 @@ def clarabel(made: Program, tolerance: float, time_limit: float) -> Answer:
 
 
 def piqp(made: Program, tolerance: float, time_limit: float) -> Answer:  # noqa: ARG001
-    """PIQP: proximal interior point; it has no time limit of its own."""
+    """PIQP: proximal interior point; it has no time limit."""
     import piqp as package
 
     m = made.equality.shape[1] - made.n

@@ -262,7 +262,7 @@ def falling_disk(info: EngineInfo) -> Probe:
 
 
 def resting_disks(info: EngineInfo) -> Probe:
-    """Two disks of unlike mass at rest on a floor, watched in an order of their own: each contact carries its own weight."""
+    """Two disks of unlike mass at rest on a floor, watched in their own order: each contact carries its own weight."""
     masses = np.array([1.0, 3.0])
     overlap = np.array([resting_overlap(info, mass) for mass in masses])
     contact = law(info)
@@ -323,7 +323,7 @@ def sliding(info: EngineInfo, own: LeverArm, *, rotating: bool) -> Probe:
 def rebounding_disk(info: EngineInfo) -> Probe:
     """A disk that touches a floor at 2 m/s, faster than any engine's threshold of rebounds, and leaves at half of it.
 
-    The springs and dashpots that stand for such a contact give the same restitution.
+    The springs and dashpots that represent such a contact give the same restitution.
     """
     e, speed = 0.5, 2.0
     beta = beta_of_restitution(e)

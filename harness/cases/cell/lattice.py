@@ -59,7 +59,7 @@ class Lattice:
     )  # fmt: skip
 
     def matrix(self) -> Sequence[Mapping[str, Value]]:
-        """Each mode; one that is seen by somebody who flies past."""
+        """Each mode; one that is seen by an observer who flies past."""
         return [{"mode": mode} for mode in RATES] + [{"mode": "shear", "frame": 3.0}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
@@ -119,7 +119,7 @@ class Lattice:
         """Closed forms to round-off where they hold at any strain, and to the next order of the strain in shear.
 
         Slip that is measured at the end of a step is off by half of a step's turning. A contact's branch is known to its own round-off,
-        which kn makes a force; the trapezoidal rule errs by a twelfth of ``(dt/T)^2`` of what bends a power that is all but straight.
+        which kn makes a force; the trapezoidal rule errs by a twelfth of ``(dt/T)^2`` of what bends a power that is nearly straight.
         """
         numerics, t = setup.numerics, observed.t
         dt = numerics.contact_dt or numerics.dt

@@ -46,7 +46,7 @@ class Shear:
     trapezoidal rule over steps exactly. Without friction and dashpots the energy of motion and springs grows by what the cell feeds.
 
     ``kind=flow`` goes on to a strain of 4, and averages over its second half: effective friction and solid fraction lie beside the
-    law of dense flows, as near as a few hundred disks can tell.
+    law of dense flows, as near as a few hundred disks can show.
     """
 
     id = "cell/shear"
@@ -75,7 +75,7 @@ class Shear:
         return [{"kind": "balance"}, {"kind": "balance", "mu": 0.0}, {"kind": "flow"}]
 
     def build(self, params: Mapping[str, Any]) -> Setup:
-        """Disks that all but overlap, in the flow."""
+        """Disks that nearly overlap, in the flow."""
         rng, n = np.random.default_rng(params["seed"]), params["rows"] ** 2
         radius = RADIUS * rng.uniform(*SIZES, n)
         side = math.sqrt(math.pi * float(np.sum(radius**2)) / params["fraction"])
@@ -174,7 +174,7 @@ class Shear:
                 )  # fmt: skip
             return found
         inertial = observed.scalars["inertial_number"][1]
-        silent = not (math.isfinite(inertial) or engine.reference)  # the engine does not tell the stress
+        silent = not (math.isfinite(inertial) or engine.reference)  # the engine does not report the stress
         law = simple_shear(inertial_number=np.nan_to_num(inertial))
         mu_law, phi_law = (math.nan, math.nan) if silent else (law.friction, law.fraction)
         why = "scatter of the source, softer contacts here (kn/P some 600), and the mean of a few hundred disks over a strain of 2"

@@ -47,7 +47,7 @@ class NewtonCradle:
 
     With gaps the row is a sequence of collisions of two, and all engines have one truth. A row that touches has several, each of
     them keeping momentum, and energy for e = 1: springs hand most of the velocity to the last disk and throw the first one back;
-    Newton's law at all contacts at once moves all but the first disk on together; contact dynamics by theta's own law does as
+    Newton's law at all contacts at once moves all except the first disk on together; contact dynamics by theta's own law does as
     Newton's. None of them is what a cradle of steel balls shows, and none is an error: the reports name the law by which an engine
     is judged.
     """
@@ -266,7 +266,7 @@ def binding_truth(params: Mapping[str, Any], setup: Setup, observed: Observed, e
     """The law that binds an engine.
 
     With gaps all engines have the same truth but for e < 1: one collision after the other. In a row that touches, springs
-    (and engines whose impacts are a spring's motion over steps of their own) spread the impact over all contacts; engines that
+    (and engines whose impacts are a spring's motion over their own steps) spread the impact over all contacts; engines that
     solve for impulses at all contacts at once follow Newton's law at each of them.
     """
     if engine.contact == "spring":

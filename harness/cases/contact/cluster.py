@@ -50,7 +50,7 @@ class Cluster:
 
 
 class UnequalCluster:
-    """Disks that touch, with masses, radii, inertias, velocities and spins of their own, on springs that stay closed and stick.
+    """Disks that touch, with masses, radii, and separate inertias, velocities and spins, on springs that stay closed and stick.
 
     ``six``: six disks of equal size around one, each touching three, the middle one six. ``many``: nine small disks of unequal size
     around a large one that is 1e4 times heavier. ``box``: three disks between four walls, each of another law; one disk has

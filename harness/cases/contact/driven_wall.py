@@ -102,7 +102,7 @@ class DrivenWall:
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Way and velocity of the disk, forces on it, and the wall as the engine tells it."""
+        """Way and velocity of the disk, forces on it, and the wall as the engine reports it."""
         normal = np.column_stack([np.cos(history.wall_angle[:, 0]), np.sin(history.wall_angle[:, 0])])
         travel = history.x[:, 0] - setup.scene.disks.x[0]
         series = {

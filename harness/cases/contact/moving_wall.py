@@ -110,7 +110,7 @@ class MovingWall:
         return Setup(scene=scene, numerics=numerics, watch=(PAIR,), labels={"contact": PAIR})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
-        """Motion of disk and wall, force from either side, energies as the engine tells them."""
+        """Motion of disk and wall, force from either side, energies as the engine reports them."""
         normal = np.column_stack([np.cos(history.wall_angle[:, 0]), np.sin(history.wall_angle[:, 0])])
         blank = np.full(len(history.step), np.nan)
         series = {
@@ -266,7 +266,7 @@ def _curve_checks(
     params: Mapping[str, Any], observed: Observed, engine: EngineInfo, curves: Mapping[str, FloatArray],
     truth: TruthKind, relative: float,
 ) -> list[Check]:  # fmt: skip
-    """Checks of all curves that the engine tells; ``relative`` is 0 for exact steps."""
+    """Checks of all curves that the engine reports; ``relative`` is 0 for exact steps."""
     omega, steps, dt = _omega(params), params["steps"], params["dt"]
     rounding = float(np.spacing(2.0 * RADIUS)) * (8.0 + steps)
     force = relative * _force_swing(params) + params["kn"] * rounding

@@ -98,7 +98,7 @@ class Reopening:
             walls = (Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=rough), ceiling)
             labels = {"rough": (0, 1), "smooth": (0, 2)}
         scene = Scene(disks=Disks(**disks), disk_disk=rough, walls=walls)
-        # Until the disk is on its way from the second contact.
+        # Until the disk is moving from the second contact.
         lasts = 2.0 * (math.pi / _omega(params, first=True) + path / speed) + math.pi / _omega(params, first=False)
         numerics = Numerics(
             dt=dt, n_steps=math.ceil((lasts + (gap + 0.5 * path) / speed) / dt), contact_dt=dt, **cd_settings(params)
@@ -106,7 +106,7 @@ class Reopening:
         return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
-        """Forces and gap of the rough contact, load of the smooth wall, rotation, and energies as the engine tells them."""
+        """Forces and gap of the rough contact, load of the smooth wall, rotation, and energies as the engine reports them."""
         rough, smooth = (history.contact(setup.labels[name]) for name in ("rough", "smooth"))
         blank = np.full(len(history.step), np.nan)
         series = {
@@ -268,7 +268,7 @@ def _curve_checks(
     params: Mapping[str, Any], setup: Setup, observed: Observed, engine: EngineInfo,
     curves: Mapping[str, FloatArray], truth: TruthKind, relative: float,
 ) -> list[Check]:  # fmt: skip
-    """Checks of all curves that the engine tells; ``relative`` as for `_delay`, 0 for exact steps."""
+    """Checks of all curves that the engine reports; ``relative`` as for `_delay`, 0 for exact steps."""
     speed, omega, dt = params["speed"], _omega(params, first=True), setup.numerics.dt
     late, slipping = _delay(params, setup, relative), _ramp_error(params, engine)
     rounding = float(np.spacing(2.0 * RADIUS)) * (8.0 + setup.numerics.n_steps)

@@ -281,7 +281,7 @@ def _mid_overlap(params: Mapping[str, Any], engine: EngineInfo | None = None) ->
 
 
 def _path_fraction(t: FloatArray) -> FloatArray:
-    """Part of its way that the wall has gone: to 1 in half a period, and back."""
+    """Part of its path that the wall has gone: to 1 in half a period, and back."""
     at = np.mod(t / (0.5 * PERIOD), 2.0)
     return np.asarray(np.minimum(at, 2.0 - at))
 
@@ -290,7 +290,7 @@ def _path(params: Mapping[str, Any], travel: FloatArray, *, mid: bool) -> FloatA
     """fs/ks [m] by the place on the path."""
     if params["kind"] == "pair":
         shear = np.full_like(travel, np.nan)
-        known = np.isfinite(travel)  # a history without numbers tells which checks there are
+        known = np.isfinite(travel)  # a history without numbers shows which checks there are
         shear[known] = passing_shear(travel[known], ahead=AHEAD, aside=ASIDE)
         return shear
     amplitude = float(params["amplitude"])

@@ -42,7 +42,7 @@ OVERLAP, KS = 1e-8, 1e-4
 sticks up to ``MU KN OVERLAP/KS``, 0.1 m [N/m]."""
 
 CLOSEST, HALF = 0.85, 0.45
-"""Distance of two spheres that pass, and half of their way [m]: the normal turns by 56 degrees, overlaps are 0.04 to 0.15."""
+"""Distance of two spheres that pass, and half of their path [m]: the normal turns by 56 degrees, overlaps are 0.04 to 0.15."""
 
 LOADED, TURN, SAMPLES = 0.02, 2.0, 100
 """Time for which the plane waits before it turns with the sphere [s]; angular speed of that [rad/s]; samples of a run."""

@@ -287,7 +287,7 @@ def _linear_checks(params: Mapping[str, Any], each: Meeting, setup: Any, engine:
         phase = math.sqrt(law.kn / contact.reduced[1]) * (setup.numerics.contact_dt or setup.numerics.dt)
         normal = (phase_error(phase, 0.0) + ROUND_OFF) * contact.speed
         overlap = contact.speed * math.sqrt(contact.reduced[1] / law.kn)
-        # The normal turns by the way along the surface in the impact.
+        # The normal turns by the displacement along the surface in the impact.
         turned = math.pi * overlap / contact.speed * (abs(contact.first[1]) + abs(contact.second[1])) / least
         turned = 0.0 if math.isinf(contact.radius_2) else turned
         lost = 2.0 * (1.0 + contact.mu) * contact.speed

@@ -30,7 +30,7 @@ RESTITUTION, BETA = 0.5, 0.15
 STATE = ("kinetic", "elastic", "gravity")
 LOSSES = ("friction_loss", "dashpot_loss", "impact_loss", "damping_loss")
 OWN = ("scheme_loss",)
-"""What an implicit scheme loses itself and tells; it may be of either sign."""
+"""What an implicit scheme loses itself and reports; it may be of either sign."""
 FED = ("wall_work", "force_work")
 WORDS = {
     "kinetic": "kinetic energy", "elastic": "energy of the contact springs", "gravity": "potential energy",
@@ -45,7 +45,7 @@ class Budget:
 
     Whatever becomes of the disks, which is chaotic and no matter here, energies and losses together grow by what the wall does. And what
     friction, dashpots, impacts and global damping have taken never comes back: a channel that falls feeds energy. An engine that
-    does not tell a channel has no balance, and is not judged by it.
+    does not report a channel has no balance, and is not judged by it.
     """
 
     id = "energy/budget"
@@ -116,7 +116,7 @@ class Budget:
         return Setup(scene=scene, numerics=numerics, watch=())
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Energies and losses as the engine tells them, their balance, and how far each loss is below what it was.
+        """Energies and losses as the engine reports them, their balance, and how far each loss is below what it was.
 
         A channel that the scene's physics has not, an engine may leave out: friction where mu is 0, of impacts and dashpots one, and
         forces on disks.

@@ -239,7 +239,7 @@ class BinaryCollision:
 
 
 class ImpactSettings(NamedTuple):
-    """What each kind of engine is told about the impact."""
+    """What each kind of engine is given for the impact."""
 
     restitution: float
     beta: float

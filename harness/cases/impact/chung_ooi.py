@@ -430,7 +430,7 @@ class ChungOoi:
                 "incidence",
                 "incidence_scaled",
                 "sliding",
-            }:  # as the engine begins, not as it is told to
+            }:  # as the engine begins, not as the case says
                 before, speed = seen.series["slip"][1][0], seen.series["approach"][1][0]
                 extra[name] = ("1", float(self._places(before, speed)[name]))
         series = dict(seen.series)

@@ -190,7 +190,7 @@ class CoolingGas:
         return Setup(scene=scene, numerics=numerics, watch=(), labels={})
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:
-        """Energies over the first one, what they rise by, and the loss of the collisions that can be told from the others.
+        """Energies over the first one, what they rise by, and the loss of the collisions that can be distinguished from the others.
 
         ``kinetic_level`` is the largest kinetic energy of five samples: while springs touch they hold some; ``energy`` has that of springs.
         ``kinetic_rise`` is without what impacts feed in which Newton's restitution does not bound the energy, see `_wall_energy`.
@@ -335,7 +335,7 @@ def _motion(
 ) -> _Motion:
     """The event-driven motion, and how long others stay near it that begin a way of ``lag`` elsewhere.
 
-    Every collision that is late by a time step, or that takes the time of a contact, displaces the disks by the way of that time.
+    Every collision that is late by a time step, or that takes the time of a contact, displaces the disks by the displacement of that time.
     """
     x, v = _start(rows, spacing, speed, seed, d)
     box: dict[str, Any] = {"v": v, "radius": RADIUS, "side": rows * spacing, "restitution": e, "times": times}
@@ -474,7 +474,7 @@ def _wall_energy(params: Mapping[str, Any], history: History) -> FloatArray:
 
 
 def _loss(history: History, speed: float) -> float:
-    """Energy that collisions of two disks lose over their energy of approach; NaN where none can be told from the others."""
+    """Energy that collisions of two disks lose over their energy of approach; NaN where none can be distinguished from the others."""
     lost = approach = 0.0
     for i, j, before, after in _pairs(history, speed):
         g, kick = history.v[before, j] - history.v[before, i], history.v[after, i] - history.v[before, i]

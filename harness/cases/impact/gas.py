@@ -300,7 +300,7 @@ def overlaps_squared(x: FloatArray) -> FloatArray:
 def _far_from_walls(params: Mapping[str, Any], setup: Setup, gaps: FloatArray) -> NDArray[np.bool_]:
     """Pairs of neighbouring samples between which no disk can have met a wall, shape (s - 1,).
 
-    No disk is faster than the energy allows for all of it in one: the margin is that way in a step.
+    No disk is faster than the energy allows for all of it in one: the margin is that displacement in a step.
     """
     fastest = params["speed"] * params["rows"]
     clear = gaps.min(axis=1) > fastest * setup.numerics.dt

@@ -85,7 +85,7 @@ class HeldDisk:
         )
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
-        """Velocity of the free disk, and the way of both."""
+        """Velocity of the free disk, and the displacement of both."""
         path = history.x - setup.scene.disks.x
         series = {
             "vx": ("m/s", history.v[:, 0, 0]),

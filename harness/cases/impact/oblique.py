@@ -68,7 +68,7 @@ AGREE = 0.01
 """Of the first speed: as near as springs must come to the rigid disk's speed along the plane for that to be a truth for all."""
 
 ANGLES = (1.0, 1.8, 4.01, 11.43, 28.64)
-"""Speeds along the plane, in those towards it, that stand for 45, 61, 76, 85 and 88 degrees; at 1.8 a disk begins to slide through."""
+"""Speeds along the plane, in those towards it, that represent 45, 61, 76, 85 and 88 degrees; at 1.8 a disk begins to slide through."""
 
 NAMES = ("vx", "vy", "spin", "slip", "energy")
 
@@ -323,7 +323,7 @@ def _scaled_checks(
     why: str,
     rough: float,
 ) -> list[Check]:
-    """Of the quantities of `_scaled`; none where there is no friction, or no way along the plane."""
+    """Of the quantities of `_scaled`; none where there is no friction, or no displacement along the plane."""
     if not params["mu"] or not params["vt"]:
         return []
     expected = _scaled(params, params["vt"], -params["vn"], rebound.vx, rebound.spin)

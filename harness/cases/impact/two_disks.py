@@ -50,7 +50,7 @@ class TwoDisks:
     """Free disks of masses 1 and 3 and radii 0.4 and 0.7, with friction; no gravity, no walls.
 
     ``across`` is the second disk's velocity along ``t = (-n_y, n_x)`` seen from the first. Far from 0 the contact slides all the
-    while; near the spins' own slip it sticks, and springs and rigid disks have truths of their own, as in ``impact/oblique``.
+    while; near the spins' own slip it sticks, and springs and rigid disks have their own truths, as in ``impact/oblique``.
     """
 
     id = "impact/two-disks"

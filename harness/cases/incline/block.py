@@ -266,7 +266,7 @@ def _dilation(
     error = 1e-12 if associated else bounds.atol["gap"] + abs(bounds.rest_gap + start)
     atol = 2.0 * error / length + EXACT_STEP_RTOL
     if atol >= 0.5:
-        return []  # such an engine's gap cannot tell the associated rule from Coulomb's
+        return []  # such an engine's gap cannot distinguish the associated rule from Coulomb's
     return [
         Check(quantity="dilation", norm="scalar", truth="exact-step" if associated else "analytic", scale=1.0,
               expected=1.0 if associated else 0.0, source="(A.2): gap = mu v dt" if associated else "Coulomb's law: no dilation",

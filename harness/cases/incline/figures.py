@@ -49,7 +49,7 @@ def dilation_shrinks(cells: Cells) -> Verdict:
 def contact_forces(cells: Cells) -> Verdict:
     """Mean forces over the second half at mu = 0.36 against m g (claimed) and m g cos (equilibrium), within 1 %.
 
-    The two differ by 6 %, so 1 % tells them apart whatever the engine's scatter.
+    The two differ by 6 %, so 1 % distinguishes them whatever the engine's scatter.
     """
     found = []
     for cell in cells:

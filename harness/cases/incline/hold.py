@@ -52,7 +52,7 @@ class HoldAndCreep:
     """Blocks, each on a plane of its own slope; the planes are the edges of a convex valley, steepest first.
 
     No block reaches another one or a second plane. Spring engines start in equilibrium, so that all that moves on the flatter half of the
-    slopes is creep: of a friction that is regularised, or of a contact that gives way. What a slope that slides does is told by
+    slopes is creep: of a friction that is regularised, or of a contact that gives way. What a slope that slides does is given by
     the case of one block (`block.py`); here its speed only says that the slope slides, and how the speed jumps from one half to the
     other.
     """

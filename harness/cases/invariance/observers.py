@@ -216,7 +216,7 @@ def _unit(check: Check, observed: Observed) -> str:
 
 
 def _rounding(frame: Frame, original: Setup, engine: EngineInfo) -> dict[str, float]:
-    """What the rounding of the observer's coordinates, as large as the way of the frame, adds, by unit.
+    """What the rounding of the observer's coordinates, as large as the displacement of the frame, adds, by unit.
 
     A force balance through a contact spring leaves velocities of a unit of the coordinates in a contact step (see
     `ninedisk.harness.cases.common.round_off_speed`); without springs, velocities are rounded to their own last bit, and impulses

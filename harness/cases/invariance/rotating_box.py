@@ -91,7 +91,7 @@ class RotatingBox:
         return Setup(scene=scene, numerics=numerics, watch=tuple(labels.values()), labels=labels)
 
     def observe(self, params: Mapping[str, Any], setup: Setup, history: History) -> Observed:  # noqa: ARG002
-        """Forces in the frames of the contacts, the way of the centre and the disk's spin; ``shear`` is the mean size of the four."""
+        """Forces in the frames of the contacts, the centre's path and the disk's spin; ``shear`` is the mean size of the four."""
         series = {}
         for name, pair in setup.labels.items():
             column = history.contact(pair)

@@ -76,7 +76,7 @@ class Distortion:
     """Constant-volume distortion of the compressed assembly.
 
     The source leaves open where the side walls pivot, whether the caps move along, and whether walls are rough; each reading
-    is a variant of its own, with its own converged reference. No agreement with the curves of 1979 is claimed.
+    is a separate variant, with its own converged reference. No agreement with the curves of 1979 is claimed.
     """
 
     id = "nine-disk/distortion"

@@ -107,7 +107,7 @@ def cd_settings(params: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def friction(params: Mapping[str, Any]) -> tuple[float, float]:
-    """Friction coefficients (disk-disk, disk-wall); ``wall_mu = "mu"`` stands for the disks' own."""
+    """Friction coefficients (disk-disk, disk-wall); ``wall_mu = "mu"`` represents the disks' own."""
     mu = math.tan(math.radians(params["phi_deg"]))
     return mu, mu if params["wall_mu"] == "mu" else float(params["wall_mu"])
 
@@ -126,7 +126,7 @@ def contact_laws(params: Mapping[str, Any], kn: float) -> tuple[ContactLaw, Cont
 def nine_disks(
     disk_law: ContactLaw, wall_law: ContactLaw, motions: Mapping[str, tuple[WallSegment, ...]], xi: float
 ) -> Scene:
-    """Nine touching disks, simple cubic, in a box whose walls move as told (keys left, right, bottom, top)."""
+    """Nine touching disks, simple cubic, in a box whose walls move as given (keys left, right, bottom, top)."""
     places = {
         "left": ((0.0, 0.0), (1.0, 0.0)),
         "right": ((SIDE, 0.0), (-1.0, 0.0)),

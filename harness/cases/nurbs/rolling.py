@@ -345,7 +345,7 @@ class Release(NamedTuple):
 
 
 def release(params: Mapping[str, Any]) -> Release:
-    """The start of a variant: below the slope that tips it a polygon stands at rest on its springs, above it leans by `LEAN`."""
+    """The start of a variant: below the slope that tips it a polygon is at rest on its springs, above it leans by `LEAN`."""
     steepness = params["steepness"]
     if abs(steepness - 1.0) < CLOSE:
         raise ParameterError(

@@ -188,7 +188,7 @@ def lowest(outline: NurbsCurve, turn: float) -> tuple[float, float]:
 
 
 def fall_energy(setup: Setup) -> float:
-    """Energy [J] above that of the grain at rest: the fall, and the way of either foot to the plane."""
+    """Energy [J] above that of the grain at rest: the fall, and the displacement of either foot to the plane."""
     disks = setup.scene.disks
     return float(disks.mass[0]) * G * (FALL + TILT * float(disks.radius[0]))
 

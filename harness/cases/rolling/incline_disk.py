@@ -225,7 +225,7 @@ def _sizes(observed: Observed, rates: RollRates) -> dict[str, float]:
 def _dilation(
     params: Mapping[str, Any], setup: Setup, engine: EngineInfo, rates: RollRates, bounds: RollBounds
 ) -> list[Check]:
-    """A convex model that leaves the plane and lands again has a final gap of its last flight, which no closed form tells."""
+    """A convex model that leaves the plane and lands again has a final gap of its last flight, which no closed form gives."""
     numerics = setup.numerics
     associated = follows_associated_rule(engine, numerics)
     length = params["mu"] * rates.slip * numerics.dt**2 * numerics.n_steps
@@ -233,7 +233,7 @@ def _dilation(
         return []
     atol = 2.0 * (1e-12 if associated else bounds.atol["gap"]) / length + EXACT_STEP_RTOL
     if atol >= 0.5:
-        return []  # such an engine's gap cannot tell the associated rule from Coulomb's
+        return []  # such an engine's gap cannot distinguish the associated rule from Coulomb's
     return [
         Check(quantity="dilation", norm="scalar", truth="exact-step" if associated else "analytic", scale=1.0,
               expected=1.0 if associated else 0.0,

@@ -117,7 +117,7 @@ def _excused_checks(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list
 
 
 SPOTS = 9
-"""Places on a way that are told one by one, so that a figure shows it."""
+"""Places on a way that are given one by one, so that a figure shows it."""
 
 
 def _path_points(history: History) -> dict[str, tuple[str, float]]:
@@ -613,7 +613,7 @@ def _twist_tolerance(setup: SphereSetup, engine: EngineInfo) -> float:
 
 
 class Top:
-    """A sphere that spins: about the normal at a place, or about a skew axis while it is thrown, so that friction bends its way.
+    """A sphere that spins: about the normal at a place, or about a skew axis while it is thrown, so that friction bends its path.
 
     ``resisted``: about the normal, against a resistance to twisting.
     """

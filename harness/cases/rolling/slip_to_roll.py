@@ -63,7 +63,7 @@ rolls from a third of it on."""
 
 
 NO_TURN = 1e30
-"""Inertia ratio that stands for a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
+"""Inertia ratio that represents a disk that cannot turn: 1 + 1/k is 1 to the last bit."""
 
 
 class SlipToRoll:
@@ -170,7 +170,7 @@ class SlipToRoll:
     def headlines(self, params: Mapping[str, Any], setup: Setup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The rigid disk's way, its speed in the end, its spin all the while, and its lift, which Coulomb's law does not know.
 
-        A disk that starts above the plane falls first: of its way there is no closed form.
+        A disk that starts above the plane falls first: of its path there is no closed form.
         """
         truth_end = truth(params, observed.t[-1:], RADIUS, inertia_ratio(params)).curves
         falls, path = params["start"] == "dilated", float(truth_end["x"][0])

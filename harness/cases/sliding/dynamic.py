@@ -155,7 +155,7 @@ class DynamicSliding:
             else getattr(steps, name)[observed.step]
             for name in atol
         }
-        # A lift that should not be is one over the way along the plane, a force that should not be one that stops the particle.
+        # A lift that should not be is one over the displacement along the plane, a force that should not be one that stops the particle.
         sizes = {"gap": distance, "vy": params["speed"], "fn": impulse, "fs": impulse}
         found = [
             Check(quantity=name, norm="max", truth=truth, expected=values, source=source, atol=atol[name], why=why,

@@ -1,4 +1,4 @@
-"""What the two tests of the sliding rule share: a particle on a plane, its gap and its way."""
+"""What the two tests of the sliding rule share: a particle on a plane, its gap and its path."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RADIUS, MASS = 1.0, math.pi
 
 PAIR = (0, 1)
 KN = 1e6
-"""Stiffness [N/m] with which spring engines stand for the rigid contact."""
+"""Stiffness [N/m] with which spring engines represent the rigid contact."""
 
 
 def particle_on_plane(params: Mapping[str, Any], *, gap: float, velocity: float, held: bool, gravity: float) -> Scene:

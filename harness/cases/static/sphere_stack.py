@@ -170,7 +170,7 @@ class Stack:
     def checks(
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
-        """Forces of a heap that stands; the way of the top; the axis."""
+        """Forces of a heap that stands; the displacement of the top; the axis."""
         n, _, forces = _statics(params)
         down, t_end = _top_displacement(params, observed.t), float(observed.t[-1])
 

@@ -1,4 +1,4 @@
-"""Box2D: rigid contacts, sequential impulses at velocity level, single precision, a process of its own.
+"""Box2D: rigid contacts, sequential impulses at velocity level, single precision, a separate process.
 
 One step detects contacts at its begin, solves for velocities and then moves positions with them: ``semi-implicit-euler``.
 `ninedisk.harness.engines.box2d.session` says how a scene is realised.

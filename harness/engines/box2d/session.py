@@ -2,7 +2,7 @@
 
 - Box2D has constants that are lengths and velocities, compiled into it: impacts slower than ``b2_velocityThreshold``, 1,
   are plastic whatever the restitution, no body moves by more than ``b2_maxTranslation``, 2, in a step, and overlaps up to
-  ``b2_linearSlop``, 0.005, stay. The scene is therefore given to it in units of its own, see `Units`: powers of two, so
+  ``b2_linearSlop``, 0.005, stay. The scene is therefore given to it in its own units, see `Units`: powers of two, so
   that the change of units rounds nothing.
 - Friction and restitution of a contact are set on the contact itself when it begins; Box2D's own combination of two
   fixtures' coefficients (geometric mean, larger one) has no say.

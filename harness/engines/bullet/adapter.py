@@ -1,4 +1,4 @@
-"""Bullet (pybullet): rigid contacts, sequential impulses at velocity level, a process of its own.
+"""Bullet (pybullet): rigid contacts, sequential impulses at velocity level, a separate process.
 
 One step detects contacts at its begin, solves for velocities and then moves positions with them: ``semi-implicit-euler``.
 `ninedisk.harness.engines.bullet.session` says how a scene is realised.

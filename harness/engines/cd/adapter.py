@@ -153,7 +153,7 @@ class CdEngine:
                 raise ReachedError
 
         session = module.CdSession(expressible_scene(scene, numerics), numerics, watch)
-        usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # told of at every sample, whatever the clock says
+        usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # reported at every sample, whatever the clock says
         try:
             with suppress(ReachedError):
                 session.run(stop)

@@ -1,4 +1,4 @@
-"""DART (dartpy): rigid contacts as a complementarity problem at velocity level, a process of its own.
+"""DART (dartpy): rigid contacts as a complementarity problem at velocity level, a separate process.
 
 One step detects contacts at its begin, solves for velocities and then moves positions with them, as the semi-implicit Euler
 scheme does; but DART adds a "constraint force mixing" of 1e-5 to the diagonal of the problem, so that a contact gives way by

@@ -1,4 +1,4 @@
-"""Drake: a continuous plant under Runge-Kutta steps, and two discrete plants, each in a process of its own.
+"""Drake: a continuous plant under Runge-Kutta steps, and two discrete plants, each in its own process.
 
 - ``drake``: contacts are the scene's linear springs, integrated to convergence in time. Drake's friction is a regularised
   function of the slip velocity and has no shear spring; scenes whose contacts can slip are refused.

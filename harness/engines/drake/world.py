@@ -4,7 +4,7 @@
   on a floating joint, or on three prismatic ones.
 - Point contacts of two geometries act as their stiffnesses in series, and friction is twice that of the coefficients: see
   `shares_in_series`.
-- Walls do not meet each other; a wall that moves is a body of its own, of a mass that no disk can disturb.
+- Walls do not meet each other; a wall that moves is a separate body, of a mass that no disk can disturb.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Plain Python, as it runs inside other programs. LINK is the descriptor of a socket that keeps messages apart. A message is a JSON object
 (``cwd``, ``env``) with three descriptors, the run's standard streams; the copy answers with its process number once it leads a
-session of its own. A second message, of any content, asks for how it ended: exit status as `os.waitstatus_to_exitcode` tells it, CPU
+new session. A second message, of any content, asks for how it ended: exit status as `os.waitstatus_to_exitcode` reports it, CPU
 seconds. Until then it is not reaped, so that its number stays its own. When the link closes, this process ends, and a run in hand with it.
 
 Each run is the driver from its first line, in a process that no other run has touched; only what its imports load is there before.

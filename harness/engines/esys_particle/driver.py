@@ -9,11 +9,11 @@ a = xi dt/2:
 - lagged damping ``v+ = v- + dt (F/m - xi v-)`` is an undamped step that starts from ``v- (1 - 2 a)``;
 - both have ``v_n = (v- + v+)/2``.
 
-ESyS-Particle does not tell the forces of single contacts of disks. They are computed here by its own law from its own positions, and every
+ESyS-Particle does not give the forces of single contacts of disks. They are computed here by its own law from its own positions, and every
 sample is checked: the change of each disk's momentum in ESyS-Particle must be what these forces make of it, and its walls' forces
 their sums.
 
-What contacts of spheres do is read from ESyS-Particle, which tells the forces on walls and, in its restart files, those on spheres and the
+What contacts of spheres do is read from ESyS-Particle, which gives the forces on walls and, in its restart files, those on spheres and the
 shear force of each contact, to the last bit. Normal forces are those along the normals of touching contacts that give the bodies these
 forces; where that leaves several answers they are not observed. The first step gives the forces at time 0; half of what it adds makes
 v_{1/2}.
@@ -66,7 +66,7 @@ ALL_BITS = -1
 
 
 class EsysRun(SpringRun):
-    """One simulation; a subclass gives what its dimension has of its own.
+    """One simulation; a subclass gives what only its dimension has.
 
     Attributes
     ----------

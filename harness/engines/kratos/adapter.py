@@ -1,4 +1,4 @@
-"""Adapter of Kratos DEM (explicit DEM, BSD): a process of its own, walls as moving edges and triangles."""
+"""Adapter of Kratos DEM (explicit DEM, BSD): a separate process, walls as moving edges and triangles."""
 
 from __future__ import annotations
 

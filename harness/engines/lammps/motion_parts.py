@@ -1,7 +1,7 @@
 """Prescribed motion of LAMMPS' walls as formulas of the step; imported by the driver.
 
 A region of LAMMPS turns about a fixed point ``P`` and is then displaced: a material point ``X`` is at ``P + R(theta)(X - P) + d``. Each
-segment of a wall's motion turns about a pivot of its own; with ``B`` the place of ``P`` when the segment begins, ``c`` the pivot and ``u``
+segment of a wall's motion turns about its own pivot; with ``B`` the place of ``P`` when the segment begins, ``c`` the pivot and ``u``
 its displacement since then, ``d = c + u + R(rate tau)(B - c) - P``. ``P`` is chosen so that the first segment that turns has ``B = c``; its
 translation is then all there is. In 3D a wall turns about one axis.
 """

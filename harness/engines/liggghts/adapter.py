@@ -1,4 +1,4 @@
-"""Adapter of LIGGGHTS (explicit DEM of spheres, GPL): Debian's library in a process of its own, walls as moving meshes."""
+"""Adapter of LIGGGHTS (explicit DEM of spheres, GPL): Debian's library in its own process, walls as moving meshes."""
 
 from __future__ import annotations
 

@@ -325,7 +325,7 @@ class Liggghts:
             self.library.lammps_command(self.handle, command.encode())
 
     def contact_model(self, style, table, dt):
-        """Constants by pairs of types, the step [s], and what contacts between bodies tell."""
+        """Constants by pairs of types, the step [s], and what contacts between bodies report."""
         for name, matrix in table.items():
             values = " ".join(number(value) for value in matrix.ravel())
             self.do(f"fix {name} all property/global {name} peratomtypepair {len(matrix)} {values}")
@@ -347,7 +347,7 @@ class Liggghts:
             self.do(f"fix mesh{w} all mesh/surface file wall{w}.stl type {kinds + w + 1}")
 
     def contacts_at_walls(self, group, walls, model, options):
-        """Contacts of a group with all walls, and what they tell."""
+        """Contacts of a group with all walls, and what they report."""
         meshes = " ".join(f"mesh{w}" for w in range(walls))
         self.do(f"fix walls {group} wall/gran {model} mesh n_meshes {walls} meshes {meshes}{options}")
         self._send_constants("walls", "wall", 3)

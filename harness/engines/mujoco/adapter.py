@@ -1,4 +1,4 @@
-"""MuJoCo: contacts soft in a way of their own, forces from a convex problem, a process of its own.
+"""MuJoCo: contacts soft by their own rules, forces from a convex problem, a separate process.
 
 MuJoCo prescribes how a contact decelerates, per unit mass, and finds the forces that do it by minimising over friction
 cones. Stiffness is no property of a contact: a contact at rest yields by ``(1 - d) g/omega^2`` where its impacts swing with

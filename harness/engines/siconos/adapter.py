@@ -1,4 +1,4 @@
-"""Adapter of Siconos (non-smooth dynamics): Moreau-Jean time stepping with rigid contacts, a process of its own.
+"""Adapter of Siconos (non-smooth dynamics): Moreau-Jean time stepping with rigid contacts, a separate process.
 
 Siconos is Debian's ``python3-siconos`` and lives under the system's Python only.
 """

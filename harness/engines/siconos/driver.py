@@ -3,10 +3,10 @@
 It knows the wire format only. A scene of 2D becomes
 
 - a `LagrangianLinearTIDS` for each disk, ``q = (x, y, angle)``, with an explicit mass matrix and ``C = xi M``; a spin that
-  is blocked has an inertia 2^200 times its own, which no double of the contact problem can tell from an infinite one, and
+  is blocked has an inertia 2^200 times its own, which no double of the contact problem distinguishes from an infinite one, and
   therefore keeps its prescribed value;
 - a `DiskDiskR` for each pair of disks, a `LagrangianLinearTIR` ``y = H q + b`` for each disk and wall, and a
-  `NewtonImpactFrictionNSL` each; a wall that moves is a body of its own, 2^200 times heavier than the disks, which is put
+  `NewtonImpactFrictionNSL` each; a wall that moves is a separate body, 2^200 times heavier than the disks, which is put
   on its path before each step and given the step's mean velocity;
 - one `TimeStepping` with `MoreauJeanOSI` and a two-dimensional `FrictionContact` problem. Positions advance by
   ``dt (theta v+ + (1 - theta) v-)``; contacts count as closed when ``gap + dt/2 d(gap)/dt`` is not above the threshold of
@@ -43,7 +43,7 @@ PRESCRIBED = 2.0**200
 
 
 class SiconosRun(Run):
-    """One simulation; forces are means over the step that ends at a sample. A subclass gives what its dimension has of its own."""
+    """One simulation; forces are means over the step that ends at a sample. A subclass gives what only its dimension has."""
 
     name = "Siconos"
     force_meaning = "step-mean"
@@ -123,7 +123,7 @@ class SiconosRun(Run):
     def check_residual(self, step, residual, hint):
         """Hold a step's residual against the tolerance: the criteria of Siconos' solvers are other norms, relative to ``|q|``.
 
-        Ten times the tolerance tells success from failure.
+        Ten times the tolerance separates success from failure.
         """
         self.worst = max(self.worst, residual)
         limit = 10.0 * self.tolerance

@@ -1,4 +1,4 @@
-"""Adapter of YADE (explicit DEM, GPL): runs as a process of its own, disks as blocked spheres, walls as fixed boxes."""
+"""Adapter of YADE (explicit DEM, GPL): runs as its own process, disks as blocked spheres, walls as fixed boxes."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ class Yade(SpringEngine):
         return [shutil.which("yade") or "yade", "-n", "-x", "-j1", str(self.driver)]
 
     def environment(self, folder: Path) -> Mapping[str, str]:
-        """A home of its own: YADE starts IPython, which writes there."""
+        """Its own home: YADE starts IPython, which writes there."""
         home = str(folder)
         return {
             **_clean(),

@@ -133,7 +133,7 @@ def sheared(
     ``fn = fn_0 - kn d g sin p cos p``. Six contacts turn a disk by ``I a'' = -12 ks R^2 (a + q g/2)``, so it swings about half the flow's
     rotation: ``a = -(q rate/2)(t - sin(W t)/W)``, ``W^2 = 12 ks R^2/I``. The sums of ``sin^4``, ``sin^2 cos^2``, ``sin^2`` over the three
     contacts are 9/8, 3/8, 3/2; the turning of ``fn_0 n (x) d`` adds ``(9/8) fn_0 d g``. The stress is symmetric but for the inertia of the
-    spins: ``sigma_xy - sigma_yx = q I a''/A``, where q stands for arms R of contacts that are d < 2 R long.
+    spins: ``sigma_xy - sigma_yx = q I a''/A``, where q represents arms R of contacts that are d < 2 R long.
 
     Central differences of the step dt have ``a_{n+1} - 2 a_n + a_{n-1} = -(W dt)^2 (a_n + q g_n/2)`` and ``a_1 = 0``: the same with ``sin(w
     t)/sin(w dt) dt`` for the sine over W, where ``sin(w dt/2) = W dt/2``, and with ``cos(w t)`` in the mean of the spins beside ``t_n``.

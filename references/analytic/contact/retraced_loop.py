@@ -82,7 +82,7 @@ def passing_drift(*, amplitude: float, frequency: float, ahead: float, aside: fl
 def turning_wall_shear(
     part: ArrayLike, *, radius: float, overlap: float, path: float, angle: float, mid_overlap: bool
 ) -> FloatArray:
-    """``fs/ks`` [m] of a disk at rest on a wall that has gone a part of its way towards it, turning about the disk's centre as it goes.
+    """``fs/ks`` [m] of a disk at rest on a wall that has gone a part of its path towards it, turning about the disk's centre as it goes.
 
     The wall's pivot, at first the disk's centre, goes along the wall's first normal by ``y = path s`` and the wall turns by ``angle s``:
     its surface passes the disk's foot with ``y' sin(phi) + phi' (R - overlap)``, and the middle of the overlap with half of

@@ -93,7 +93,7 @@ def chain_of_collisions(*, gaps: Sequence[float], speed: float, restitution: flo
 def touching_row(*, n: int, speed: float, restitution: float) -> FloatArray:
     """Velocities after Newton's law at all contacts of a touching row at once, shape (n,) [m/s].
 
-    Every contact gives back e times its approach: the first one ``e v``, the others nothing. All but the first disk therefore go on
+    Every contact gives back e times its approach: the first one ``e v``, the others nothing. All except the first disk therefore go on
     together with ``(1 + e) v/n``, and the first one with ``e v`` less. Momentum is kept for any e, energy for e = 1.
 
     Parameters

@@ -107,7 +107,7 @@ def touching_time(one: MovingEllipse, two: MovingEllipse, until: float) -> float
     times = np.linspace(0.0, until, 1001)
 
     def meet(t: float) -> bool:
-        # One tangent between the two tells that they are apart; the largest separation is needed about the first touch alone.
+        # One tangent between the two shows that they are apart; the largest separation is needed about the first touch alone.
         return bool(_coarse(one, two, t)[1].max() <= 0.0) and gap_and_direction(one, two, t)[0] < 0.0
 
     k = next((k for k in range(1, 1001) if meet(float(times[k]))), 0)
@@ -155,7 +155,7 @@ def chord_work(one: MovingEllipse, two: MovingEllipse, *, kn: float, until: floa
     spin1, spin2 = one.spin + half * b1 / one.inertia, two.spin - half * b2 / two.inertia
     tangential = float(apart @ along) + spin1 * float(arm1 @ n) - spin2 * float(arm2 @ n)
     k1, k1_slope = one.curvature(phi, t)
-    # The second outline runs the other way along the tangent.
+    # The second outline runs in the other direction along the tangent.
     k2, against = two.curvature(phi + math.pi, t)
     k2_slope = -against
     total, total_slope = k1 + k2, k1_slope + k2_slope

@@ -1,6 +1,6 @@
 """A convex grain that rolls on an incline without slip: when it tips over, and how it then moves.
 
-The grain is told by its support function ``p``: with the outward normal of the touching place turned by ``phi`` in the grain, the centroid
+The grain is given by its support function ``p``: with the outward normal of the touching place turned by ``phi`` in the grain, the centroid
 is ``p`` above the plane and ``p'`` behind the touching place, and rolling on by ``dphi`` moves it by ``p dphi`` along the plane
 and by ``p' dphi`` off it. Hence, with k the radius of gyration, from rest
 

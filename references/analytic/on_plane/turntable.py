@@ -25,7 +25,7 @@ class CircularMotion(NamedTuple):
 
 
 def turntable(*, start: ArrayLike, v: ArrayLike, turn: float, t: ArrayLike) -> CircularMotion:
-    """The centre goes round on a circle at 2/7 of the plane's angular speed.
+    """The centre moves on a circle at 2/7 of the plane's angular speed.
 
     With k the inertia ratio of a uniform sphere, friction F in the plane gives ``m v' = F`` and ``k m R^2 w' = -R z x F``, with z the
     normal. No slip at the foot,

@@ -1,4 +1,4 @@
-"""Rigid disks with Coulomb's law in time: every step to 1e-8, no energy from nothing, and steps that miss a tolerance are told."""
+"""Rigid disks with Coulomb's law in time: every step to 1e-8, no energy from nothing, and steps that miss a tolerance are given."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def test_what_impacts_with_friction_feed_is_said_with_step_contact_and_energy(si
         energy, gain = kept_energy(scene, numerics, history), history.energy["impact_gain"]
         size = np.abs(energy).max() + history.energy["kinetic"].max()
         rise, fed = np.maximum(np.diff(energy), 0.0), np.diff(gain)
-        # Contacts that lose at the same time are left out; what is below the slack is not told.
+        # Contacts that lose at the same time are left out; what is below the slack is not given.
         assert (fed >= rise - 1e3 * ROUND_OFF * size).all()
         if gain[-1] == 0.0:
             assert session.remarks == []

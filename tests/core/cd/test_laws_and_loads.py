@@ -62,7 +62,7 @@ def test_every_pair_has_the_row_of_its_law() -> None:
 
 @pytest.mark.parametrize("outlines", [False, True])
 def test_laws_by_materials_are_those_of_the_bodies(outlines: bool) -> None:
-    """Nine disks whose laws are named by materials, beside laws nobody uses, move as those that have them of their own, to the bit."""
+    """Nine disks whose laws are named by materials, beside laws nobody uses, move as those that have their own, to the bit."""
     own = box(mu=0.3, wall_mu=0.2, xi=1.0)
     own = outlined(own, 0.5) if outlines else own
     other = ContactLaw(kn=1.0, ks=0.5, mu=0.9)

@@ -58,7 +58,7 @@ def deepest(scene: Scene, x: np.ndarray) -> float:
 def test_no_contact_is_missed(speed: float, sliding: Any) -> None:
     """A gas whose disks fly up to many diameters a step never overlaps: every pair that can close takes part.
 
-    The solver's tolerance, 1e-12 of the largest velocity, leaves as much of the way of a step, from several contacts at once.
+    The solver's tolerance, 1e-12 of the largest velocity, leaves as much of the displacement in a step, from several contacts at once.
     """
     scene = gas(6, speed, RIGID)
     history = simulate(scene, Numerics(dt=0.05, n_steps=20, sliding=sliding), method="cd")

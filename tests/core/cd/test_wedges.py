@@ -1,4 +1,4 @@
-"""Newton's restitution with friction in a corner: told before the run where no solution may exist, and at the step that has none."""
+"""Newton's restitution with friction in a corner: known before the run where no solution may exist, and at the step that has none."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ OPTIONS = {"cd.max_iterations": 5_000}
 
 
 def corner(alpha: float, mu: float, e: float, *, rotating: bool) -> Scene:
-    """A disk on its way into the corner of a floor and a wall that leans at the angle alpha from it, along their bisector."""
+    """A disk moving into the corner of a floor and a wall that leans at the angle alpha from it, along their bisector."""
     law = ContactLaw(kn=1e5, ks=1e5, mu=mu, restitution=e, regularised=True)
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
     side = Wall(name="side", point=(0.0, 0.0), normal=(math.sin(alpha), -math.cos(alpha)), law=law)

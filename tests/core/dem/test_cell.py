@@ -22,7 +22,7 @@ RATE = ((0.1, SHEAR), (0.0, -0.15))
 
 
 def crowd(columns: int, rows: int, rate: tuple[tuple[float, float], ...] = RATE, law: ContactLaw = LAW) -> Scene:
-    """Shuffled disks of several sizes that fill a deforming cell, in its flow and with some motion of their own."""
+    """Shuffled disks of several sizes that fill a deforming cell, in its flow and with some motion beside it."""
     rng = np.random.default_rng(4)
     x = np.array([[1.7 * i + 0.85 * (j % 2), 1.5 * j] for i in range(columns) for j in range(rows)])
     x = rng.permutation(x + rng.uniform(-0.05, 0.05, x.shape))

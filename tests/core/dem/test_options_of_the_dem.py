@@ -167,7 +167,7 @@ def test_two_materials_are_two_scenes(seed: int) -> None:
         x = np.array([[0.0, 0.0], [1.9, 0.05], [0.9, 1.6]]) + np.array([1000.0 * k, 0.0])
         columns = {"x": x, "v": rng.normal(0.0, 5.0, x.shape), "omega": rng.normal(0.0, 5.0, n)}
         parts.append({**columns, "radius": rng.uniform(0.9, 1.0, n), "mass": rng.uniform(0.5, 2.0, n)})
-    # One floor under both, of a material of its own.
+    # One floor under both, of its own material.
     floor = Wall(name="floor", point=(0.0, -1.0), normal=(0.0, 1.0), law=ContactLaw(kn=1.0), material="floor")
     both = Scene(
         disks=Disks(

@@ -98,7 +98,7 @@ def test_a_pair_that_retraces_its_path_returns(seed: int, arm: str) -> None:
 
     assert drift(STEPS, "middle")[0] <= 1e-9
     coarse, fine = drift(40, "middle")[0], drift(80, "middle")[0]
-    # dt^3, or round-off: 2e-16 of the way of a hundred steps, over an amplitude of a hundredth.
+    # dt^3, or round-off: 2e-16 of the displacement of a hundred steps, over an amplitude of a hundredth.
     assert fine <= coarse / 6.0 + 1e-12
     # The prediction is the first term in dt.
     assert drift(STEPS, "end")[1] <= 0.02
@@ -284,7 +284,7 @@ def test_rolling_in_the_plane_adds_no_slip(ratio):
     added = np.abs(end.fs - middle.fs)[held, 0] / (mu * middle.fn[held, 0])
     assert added.max() < dt * speed * STIFFNESS / (mu * KN)
     assert added.max() < 1e-5
-    # Both let go of it, at the same place.
+    # Both released it, at the same place.
     last = int(np.flatnonzero(held)[-1])
     assert middle.gap[-1, 0] > r
     np.testing.assert_allclose(end.x[last, 1], middle.x[last, 1], atol=1e-6 * r)

@@ -1,6 +1,6 @@
 """A DEM of grains and standing walls in plain Python, written from the conventions: an oracle for `core.dem`.
 
-Contacts come from `NurbsGrains`, which has tests of its own. Everything else is derived here once more and differently: forces and
+Contacts come from `NurbsGrains`, which has its own tests. Everything else is derived here once more and differently: forces and
 velocities are vectors at points, torques are cross products, and a contact is recognised by the position of its middle in the first body's
 frame.
 """

@@ -159,7 +159,7 @@ def test_usual_weights_and_places_far_away_serve_as_well() -> None:
 
 
 def test_a_disk_off_by_1e13_of_its_radius_is_seen() -> None:
-    """The comparison has teeth: it tells radii apart that differ by ten times its tolerance."""
+    """The comparison has teeth: it distinguishes radii that differ by ten times its tolerance."""
     wrong = [disk(r * (1.0 + 1e-13)) for r in RADII[:6]]
     pairs = Pairs(2_000, wrong, RADII[:6], seed=3)
     chosen = pairs.kind == 3

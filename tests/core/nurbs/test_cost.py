@@ -118,7 +118,7 @@ def one_by_one(
 def test_contact_of_disks_against_disks(record_property: Callable[[str, object], None]) -> None:
     """At most 30 times a disk's contact, shear force included, if that one is found by itself, too.
 
-    The DEM finds those of disks several at a time; what they take there is told beside it.
+    The DEM finds those of disks several at a time; what they take there is given beside it.
     """
     n = 2_000
     rng = np.random.default_rng(1)

@@ -25,7 +25,7 @@ PEANUT, ELLIPSE = uniform_grain(peanut(), 1.0), uniform_grain(ellipse(1.2, 0.8),
 
 
 def grains(kinds: list[UniformGrain], x: object, **more: object) -> dict[str, object]:
-    """Disks and outlines of a scene in which every grain has an outline of its own."""
+    """Disks and outlines of a scene in which every grain has its own outline."""
     disks = Disks(
         x=x,  # type: ignore[arg-type]
         radius=[kind.radius for kind in kinds],
@@ -240,7 +240,7 @@ def test_grains_that_run_through_each_other() -> None:
 
 
 def test_contacts_that_merge_and_divide_keep_their_shear_force() -> None:
-    """A dented grain pressed on a floor until the dent touches, and let go: two contacts, one, two again, with no jump of the force."""
+    """A dented grain pressed on a floor until the dent touches, and released: two contacts, one, two again, with no jump of the force."""
     law = ContactLaw(kn=2e3, ks=1e3, mu=10.0, lever_arm="overlap")
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law)
     scene = Scene(**grains([PEANUT], [(0.0, 0.735)], v=[(0.3, -1.5)]), disk_disk=law, walls=(floor,))  # type: ignore[arg-type]

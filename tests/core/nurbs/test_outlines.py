@@ -86,7 +86,7 @@ def test_points_and_derivatives_equal_those_of_geomdl(curve: NurbsCurve) -> None
 
 @pytest.mark.parametrize("curve", curves(), ids=lambda c: f"degree{c.degree}-{len(c.points)}points")
 def test_a_knot_more_leaves_the_curve_as_it_was(curve: NurbsCurve) -> None:
-    """And the new control points are those of geomdl where it can tell (it wants clamped knots)."""
+    """And the new control points are those of geomdl where it can (it wants clamped knots)."""
     low, high = curve.breaks[0], curve.breaks[-1]
     value = low + 0.37 * (high - low)
     knots, points = inserted(curve.knots, homogeneous(curve.points, curve.weights), curve.degree, value)

@@ -61,7 +61,7 @@ def on_disks(world: World, history: History, rows: slice, at: slice) -> tuple[np
 
 
 def action_equals_reaction(world: World, run: Run) -> None:
-    """Every disk moves as the forces of its contacts tell, each of which acts on two bodies, and spins as their torques tell.
+    """Every disk moves as the forces of its contacts report, each of which acts on two bodies, and spins as their torques say.
 
     DEM: second differences of the positions, which magnify round-off by m/dt^2. Contact dynamics: differences of the
     velocities; normals are those of the step's begin.

@@ -80,7 +80,7 @@ def pulled(r: np.ndarray, k: int) -> np.ndarray:
 
 @pytest.mark.parametrize("plant", [turned, pulled])
 def test_a_planted_answer_is_refused_at_every_tolerance(plant: object) -> None:
-    """One slip turned, one contact pulled: nothing but the forces tells, and the solver says that it is solved."""
+    """One slip turned, one contact pulled: nothing but the forces shows it, and the solver says that it is solved."""
     problem, r, k = slipping()
     assert judge(problem, r, "coulomb").solved(1e-12)
     assert r[k, 1] != 0.0

@@ -128,7 +128,7 @@ def test_torques_say_where_contacts_are_solved(name: str, monkeypatch: pytest.Mo
         return float(np.abs(torque - given).max() / np.abs(given).max())
 
     assert missed() < 1e-9, "round-off, and lengths by which engines enlarge disks"
-    if scheme != "theta":  # ours tells forces in the frames that it has solved them in
+    if scheme != "theta":  # ours reports forces in the frames that it has solved them in
         monkeypatch.setitem(friction.SOLVED_AT, scheme, (0, 0))
         assert missed() > 1e-4
 

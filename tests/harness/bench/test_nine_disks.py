@@ -44,7 +44,7 @@ def run(engines: dict[str, Any]) -> dict[tuple[str, int], Row]:
 
 
 class Wrong:
-    """The core under another name, told another friction between the disks."""
+    """The core under another name, given another friction between the disks."""
 
     def __init__(self, factor: float) -> None:
         self.factor, self.core = factor, get_engine("dem")

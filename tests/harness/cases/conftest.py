@@ -62,7 +62,7 @@ class Cell:
 def judge_history(
     case: Case, info: EngineInfo, params: Mapping[str, Any], history: History | None, setup: Setup | None = None
 ) -> Cell:
-    """The checks of a case on a history; None stands for a blank one, and for the setup that the case builds."""
+    """The checks of a case on a history; None represents a blank one, and for the setup that the case builds."""
     full = resolve(case, params).params
     setup = case.build(full) if setup is None else setup
     given = blank_history(setup) if history is None else history

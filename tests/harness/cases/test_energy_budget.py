@@ -62,7 +62,7 @@ def test_the_balance_of_the_dem_is_of_second_order() -> None:
 
 @pytest.mark.parametrize("reported", [(), ("kinetic",), ("kinetic", "elastic", "gravity", "friction_loss")])
 def test_engines_that_do_not_report_are_not_judged(reported: tuple[str, ...]) -> None:
-    """No balance without all channels; a single loss that is told is held to it."""
+    """No balance without all channels; a single loss that is given is held to it."""
     history = run(CD, contacts="rigid")
     silent = replace(history, energy={name: history.energy[name] for name in reported})
     info = replace(DEM.info(), id="other", reference=False)

@@ -504,7 +504,7 @@ EXTERNAL = (
 )
 
 
-# One run of each check on every engine takes minutes; these tell a broken adapter, and the matrix judges the rest.
+# One run of each check on every engine takes minutes; these find a broken adapter, and the matrix judges the rest.
 BASIC = ("facts", "form", "sampling", "settings", "units: *")
 
 

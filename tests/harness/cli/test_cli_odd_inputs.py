@@ -140,7 +140,7 @@ def written(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def begun(fake_environment: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a run in its store, and the same again in a folder of its own."""
+    """A folder with a run in its store, and the same again in its own folder."""
     folder = tmp_path_factory.mktemp("begun")
     command = [sys.executable, "-m", "ninedisk", "run", *NEEDED["run"]]
     subprocess.run(command, cwd=folder, env=fake_environment, capture_output=True, check=True)

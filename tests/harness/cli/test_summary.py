@@ -20,7 +20,7 @@ from ninedisk.harness.results.lacking import Ranking, ranking
 from ninedisk.harness.results.schema import AS_DEFAULT, CELL_COLUMNS, EMPTY, HEADLINE_COLUMNS, MEASUREMENT_COLUMNS, Row
 
 SCREEN = 40
-"""Lines; `tools/main_job.py` adds at most `AROUND` of its own."""
+"""Lines; `tools/main_job.py` adds at most `AROUND`."""
 AROUND = 6
 
 
@@ -29,7 +29,7 @@ def filled(columns: dict[str, str], **given: Any) -> Row:
 
 
 def matrix(failing: int) -> tuple[list[Row], list[Row]]:
-    """All engines on all cases: many not installed, each refusing scenes for reasons of its own, some failing at length."""
+    """All engines on all cases: many not installed, each refusing scenes for its own reasons, some failing at length."""
     cells, rows = [], []
     for k in range(400):
         place = {"case": f"nine-disk/case-{k // 16}", "variant": f"load_case=a{k},xi=3", "engine": f"engine-{k % 16}"}
@@ -118,7 +118,7 @@ def test_one_long_piece_is_no_silence(capsys: pytest.CaptureFixture[str], monkey
 
 
 def test_progress_says_how_long_the_rest_takes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 40 cells 10 were kept of an interrupted run: 6 that took 60 s tell that 24 more take 4 min."""
+    """Of 40 cells 10 were kept of an interrupted run: 6 that took 60 s imply that 24 more take 4 min."""
     now = 1000.0
     monkeypatch.setattr(support.time, "monotonic", lambda: now)
     progress = support.CellProgress(10)

@@ -48,7 +48,7 @@ def numerics(n_steps, dt=0.01, **options) -> Numerics:
 
 
 def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
-    """Run in this process: what is tested is the session; the process around it has tests of its own."""
+    """Run in this process: what is tested is the session; the process around it has its own tests."""
     from ninedisk.harness.engines.box2d.session import Box2DSession
 
     return run_session(Box2DSession, scene, numerics(n_steps, dt, **options), watch)

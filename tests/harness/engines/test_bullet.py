@@ -25,7 +25,7 @@ def numerics(n_steps, dt=0.01, **options) -> Numerics:
 
 
 def run(scene, n_steps=100, *, dt=0.01, watch=((0, 1),), **options):
-    """Run in this process: what is tested is the session; the process around it has tests of its own."""
+    """Run in this process: what is tested is the session; the process around it has its own tests."""
     from ninedisk.harness.engines.bullet.session import BulletSession
 
     return run_session(BulletSession, scene, numerics(n_steps, dt, **options), watch)

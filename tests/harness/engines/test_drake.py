@@ -33,7 +33,7 @@ def numerics(n_steps, dt=0.01, engine="drake", **options) -> Numerics:
 
 
 def run(scene, n_steps=100, *, engine="drake", dt=0.01, watch=((0, 1),), **options):
-    """Run in this process: what is tested is the session; the process around it has tests of its own."""
+    """Run in this process: what is tested is the session; the process around it has its own tests."""
     from ninedisk.harness.engines.drake import session as drake_session
 
     sessions = {

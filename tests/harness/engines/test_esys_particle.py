@@ -107,7 +107,7 @@ def test_forces_on_spheres_that_its_contacts_cannot_make_are_an_error(
 def test_run_stopped_halfway_is_a_timeout_and_leaves_no_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """mpirun puts its processes into groups of their own: they must end when it is killed."""
+    """mpirun puts its processes into their own groups: they must end when it is killed."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     setup, engine = variant("nine-disk/compression"), EsysParticle()
     engine.time_limit = 3.0

@@ -27,7 +27,7 @@ def numerics(n_steps, **options) -> Numerics:
 
 
 def run(scene, n_steps=100, *, watch=((0, 1),), **options):
-    """Run in this process: what is tested is the session; the process around it has tests of its own."""
+    """Run in this process: what is tested is the session; the process around it has its own tests."""
     from ninedisk.harness.engines.mujoco.session import MuJoCoSession
 
     return run_session(MuJoCoSession, scene, numerics(n_steps, **options), watch)

@@ -386,7 +386,7 @@ TARGETS: dict[str, tuple[Target, int]] = {
 
 
 def attempt(name: str, seed: int) -> None:
-    """One input: the same for the same seed, in a folder of its own."""
+    """One input: the same for the same seed, in its own folder."""
     target, _ = TARGETS[name]
     with tempfile.TemporaryDirectory(prefix="ninedisk-fuzz-") as folder:
         target(Random(f"{name} {seed}"), Path(folder))

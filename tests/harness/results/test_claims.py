@@ -1,4 +1,4 @@
-"""Verdicts on the source's claims: each rule on results that confirm, contradict, and cannot tell."""
+"""Verdicts on the source's claims: each rule on results that confirm, contradict, and cannot decide."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def with_headline(run: Snapshot, error: float) -> Snapshot:
 
 
 def test_a_headline_gets_worse_by_its_size_alone(synthetic: ModuleType) -> None:
-    """Twice as far from the physics, rounding apart; a run that tells no headlines says nothing of them."""
+    """Twice as far from the physics, rounding apart; a run that reports no headlines says nothing of them."""
     old, new = runs(synthetic)
     (change,) = worse(both([with_headline(old, 1e-3), with_headline(new, 3e-3)]))
     assert (change.quantity, change.truth, change.reason) == ("way", "headline", "3 times the error")

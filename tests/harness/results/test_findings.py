@@ -214,7 +214,7 @@ def test_results_of_another_definition_of_the_case_are_no_run_before(store: Path
 @pytest.mark.parametrize(
     ("change", "size"),
     [
-        ({}, PRINTED_RISE / 5e-3),  # the check's own scale: the way of five steps
+        ({}, PRINTED_RISE / 5e-3),  # the check's own scale: the displacement of five steps
         (
             {"truth": "", "column": "abs_error"},
             0.0,

@@ -171,7 +171,7 @@ class Stiffer(DemEngine):
 
 
 class Stuck(CdEngine):
-    """Takes the coarsest step whatever it is told: an error that does not shrink."""
+    """Takes the coarsest step whatever it is given: an error that does not shrink."""
 
     def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         finer = round(0.02 / numerics.dt)

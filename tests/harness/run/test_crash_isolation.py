@@ -19,7 +19,7 @@ FAKE = Path(__file__).parents[1] / "wire" / "fake_engine.py"
 
 
 class ThirdPartyEngine(ExternalEngine):
-    """An engine in a process of its own; how it behaves is its id."""
+    """An engine in its own process; how it behaves is its id."""
 
     time_limit = 3.0
 
@@ -64,7 +64,7 @@ def test_bad_engines_are_statuses_with_their_last_lines_and_the_others_finish(
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     modes = ["honest", *BAD, "honest"]
-    # Without gravity uniform motion, all that the stranger knows, is the right answer.
+    # Without gravity uniform motion, all that the third-party engine knows, is the right answer.
     results = run_cells([plan_case(fakes.CASE, ThirdPartyEngine(mode), {"a": 0.0}) for mode in modes])
     assert [result.status for result in results] == ["pass", *(status for status, _, _ in BAD.values()), "pass"]
     for result, (_, why, said) in zip(results[1:-1], BAD.values(), strict=True):

@@ -64,7 +64,7 @@ def test_our_engines_keep_their_promises() -> None:
 
 
 def test_spheres_are_kept_beside_the_disks(tmp_path: Path) -> None:
-    """The DEM goes on from a checkpoint of spheres; rows of both kinds of scene are in one store, and findings tell them apart."""
+    """The DEM goes on from a checkpoint of spheres; rows of both kinds of scene are in one store, and findings distinguish them."""
     trial = Trial(get_engine("dem"), "spheres")
     assert measure_kind(trial, "restart")["verdict"] == "bitwise"
     row = dict.fromkeys(DETERMINISM_COLUMNS) | {

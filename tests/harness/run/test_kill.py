@@ -46,7 +46,7 @@ def run_of(engines: list[str], store: Path) -> list[str]:
 
 
 def start(store: Path, *arguments: str) -> subprocess.Popen[bytes]:
-    """A run in a process group of its own."""
+    """A run in its own process group."""
     return subprocess.Popen(
         [sys.executable, *arguments],
         start_new_session=True,

@@ -1,4 +1,4 @@
-"""Lines that tell how to do a cell again are complete commands: they are run here as they stand."""
+"""Lines that report how to do a cell again are complete commands: they are run here unchanged."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def test_time_counts_only_where_the_physics_is_right() -> None:
 
 
 class _Clocked:
-    """Runs with the CPU seconds of a list, one after the other; None: it cannot tell, and an error where the list ends."""
+    """Runs with the CPU seconds of a list, one after the other; None: it cannot decide, and an error where the list ends."""
 
     def __init__(self, cpu: list[float | None]) -> None:
         self.left = list(cpu)

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 SECONDS = 30.0
-"""After the end of a command. The warden takes 1.5 s, twice its grace, and what a busy machine adds; who survives it stays for good."""
+"""After the end of a command. The guard takes 1.5 s, twice its grace, and what a busy machine adds; who survives it stays for good."""
 
 ALL = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGKILL)
 HARD = (signal.SIGTERM, signal.SIGKILL)

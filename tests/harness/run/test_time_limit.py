@@ -41,7 +41,7 @@ def python(code: str) -> list[str]:
 
 @pytest.fixture
 def crowd() -> Crowd:
-    """Keeps this machine busy with so many processes, each in a session of its own: Linux shares the processors among sessions."""
+    """Keeps this machine busy with so many processes, each in its own session: Linux shares the processors among sessions."""
 
     @contextmanager
     def busy(count: int) -> Iterator[None]:

@@ -183,7 +183,7 @@ def test_edits_come_before_the_core() -> None:
         plant([edit("shear_force", "before", "0.0")])
 
 
-# The gallery, on sources that say the same otherwise.
+# The mutants, on sources that say the same otherwise.
 
 
 @cache

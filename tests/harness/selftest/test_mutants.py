@@ -1,4 +1,4 @@
-"""The gallery: every defect changes something, and only what it says; what no longer fits is told."""
+"""The mutants: every defect changes something, and only what it says; what no longer fits is reported."""
 
 from __future__ import annotations
 

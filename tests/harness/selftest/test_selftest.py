@@ -1,4 +1,4 @@
-"""``ninedisk selftest``: right engines pass, wrong ones are caught, and a defect that nothing catches is told."""
+"""``ninedisk selftest``: right engines pass, wrong ones are caught, and a defect that nothing catches is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stored cell is judged as it stands where nothing changed, and run again where anything did."""
+"""A stored cell is judged unchanged where nothing changed, and run again where anything did."""
 
 from __future__ import annotations
 

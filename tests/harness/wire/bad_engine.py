@@ -1,4 +1,4 @@
-"""An engine behind the wire protocol that misbehaves as told: ``python bad_engine.py MODE describe|run``.
+"""An engine behind the wire protocol that misbehaves as given: ``python bad_engine.py MODE describe|run``.
 
 Where it does not misbehave it moves every disk uniformly: a well-formed answer, right until disks touch.
 """

@@ -1,4 +1,4 @@
-"""A stranger's engine that speaks the wire format and can misbehave: ``python fake_engine.py MODE [FILE]``.
+"""A third-party engine that speaks the wire format and can misbehave: ``python fake_engine.py MODE [FILE]``.
 
 It moves every disk uniformly, which is the right answer for a scene without forces.
 """

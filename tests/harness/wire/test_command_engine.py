@@ -183,7 +183,7 @@ def test_ids_are_unique() -> None:
 
 
 def test_a_run_with_a_broken_engine_is_stored_whole(tmp_path: Path) -> None:
-    """Through the command line: the others are measured, the exit code tells, no traceback, nothing half-stored."""
+    """Through the command line: the others are measured, the exit code says so, no traceback, nothing half-stored."""
     done = subprocess.run(
         [
             *(

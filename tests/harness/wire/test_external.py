@@ -1,4 +1,4 @@
-"""Out-of-process engines, strangers' ones: an honest one works in a few lines, a bad one ends as a clear error."""
+"""Out-of-process engines, third-party ones: an honest one works in a few lines, a bad one ends as a clear error."""
 
 from __future__ import annotations
 

@@ -160,7 +160,7 @@ def test_requests_of_every_case_keep_to_the_schema(case_id: str) -> None:
 
 
 def places(data: Any) -> Iterator[tuple[Callable[[], Any], Callable[[Any], None]]]:
-    """Getter and setter of every entry of nested data; of a list, the first entry stands for all."""
+    """Getter and setter of every entry of nested data; of a list, the first entry represents all."""
     entries: Any = list(data) if isinstance(data, dict) else range(min(1, len(data)))
     for key in entries:
         yield (lambda key=key: data[key]), (lambda value, key=key: data.__setitem__(key, value))

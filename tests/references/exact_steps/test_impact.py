@@ -72,7 +72,7 @@ def test_collision_of_the_source(theta: float, e: float, impulse: float) -> None
     steps = collision_step_theta(gap=0.5, speed=1.0, dt=0.01, theta=theta, n_steps=60, mass_1=math.pi, mass_2=math.pi)
     after = final_velocities(v_1=1.0, v_2=0.0, mass_1=math.pi, mass_2=math.pi, restitution=e)
     assert (steps.vx_1[-1], steps.vx_2[-1]) == pytest.approx(after, abs=1e-13)
-    # 0.5/(1.0 * 0.01) of the decimal inputs is 50 to 1e-17: the force acts in step 51, or all but 1e-15 of it.
+    # 0.5/(1.0 * 0.01) of the decimal inputs is 50 to 1e-17: the force acts in step 51, or all except 1e-15 of it.
     assert np.nansum(steps.fn) * 0.01 == pytest.approx(impulse, rel=1e-13)
     assert steps.fn[51] * 0.01 == pytest.approx(impulse, rel=1e-13)
     assert steps.energy[0] == pytest.approx(math.pi / 2.0)

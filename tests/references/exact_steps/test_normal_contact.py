@@ -68,14 +68,14 @@ def test_impacts_converge_in_the_theta_scheme(beta):
 
 
 def test_two_planes_bear_at_once_and_one_catches_up():
-    """Pressed from both sides the forces balance at rest; a plane that comes nearer meets the disk in the step when it arrives."""
+    """Pressed from both sides the forces balance at rest; a plane that comes nearer meets the disk in the step in which it reaches it."""
     n, dt = 400, 1e-3
     up = np.linspace(-0.01, 0.01, n + 1)
     planes = (Plane(1, up, np.full(n + 1, 0.05), 1e4, 1.0), Plane(-1, np.zeros(n + 1), np.zeros(n + 1), 2e4, 1.0))
     found = normal_contact_theta(planes, mass=1.0, g=0.0, y=-1e-4, vy=0.0, dt=dt, n_steps=n, theta=1.0)
     assert (found.fn[:198] == 0.0).all()
     assert (found.fn[210:] > 0.0).all()
-    # The springs share the way of the plane, 0.05 m/s, by their compliances; the dashpot of the one at rest feels its own share alone.
+    # The springs share the plane's path, 0.05 m/s, by their compliances; the dashpot of the one at rest feels its own share alone.
     assert found.y[-1] == pytest.approx(1e4 * 0.01 / 3e4, rel=0.1)
     np.testing.assert_allclose(np.diff(found.y)[-1] / dt, 0.05 / 3.0, rtol=1e-3)
     balance = found.fn[1:, 0] - found.fn[1:, 1] - np.diff(found.vy) / dt

@@ -1,4 +1,4 @@
-"""What tells engines apart in a chart: looks, names at the ends of lines, notes on what is clipped or zero, truths of the strip."""
+"""What distinguishes engines in a chart: looks, names at the ends of lines, notes on what is clipped or zero, truths of the strip."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def oklab(colour):
 
 
 def test_no_two_of_24_engines_look_alike():
-    """In colour, by twice what is told apart side by side at a glance, or in both dash and mark; and all stand out from the page."""
+    """In colour, by twice what is distinguished side by side at a glance, or in both dash and mark; and all stand out from the page."""
     looks = charts.engine_looks({str(k): str(k) for k in range(24)}).values()
     for one, two in combinations(looks, 2):
         apart = np.linalg.norm(oklab(one.colour) - oklab(two.colour))

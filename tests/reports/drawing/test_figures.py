@@ -249,7 +249,7 @@ def test_drawing_is_deterministic_in_any_number_of_processes(panel_store, tmp_pa
 
 
 def test_a_budget_stacks_what_an_engine_reports_whole():
-    """Three engines: one tells all, one lacks a loss, one has it as NaN; what is taken off makes the sum flat, zeros are left out."""
+    """Three engines: one reports all, one lacks a loss, one has it as NaN; what is taken off makes the sum flat, zeros are left out."""
     plan = next(figure for figure in get_case("energy/budget").figures if figure.kind == "budget")
     t = np.linspace(0.0, 1.0, 5)
     values = dict.fromkeys((quantity.name for quantity in plan.quantities), 0.0 * t)

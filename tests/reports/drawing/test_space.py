@@ -75,7 +75,7 @@ def test_a_drawing_has_every_sphere_what_moves_and_a_cut_of_oblique_planes():
     drawn = draw_projection(Projection(view, False))
     for reported in ("2 m/s", "(0, 3, 0) rad/s", "9.81 m/s²", "floor turns: (0, 0, 1) rad/s", ">x<", ">z<"):
         assert reported in drawn
-    # Seen from above the floor is nowhere and everywhere; the way along x is seen as it is.
+    # Seen from above the floor is nowhere and everywhere; the displacement along x is seen as it is.
     assert "9.81" not in draw_projection(Projection(view, True))
     sloped = read_space(stored(slope=(0.0, 0.6, 0.8), wall=(1.0, 0.0, 1.0)))
     assert draw_projection(Projection(sloped, False)).count("stroke-dasharray") > drawn.count("stroke-dasharray")

@@ -1,4 +1,4 @@
-"""What the first page and an engine's page tell of headlines: partly rated squares, wide passes, ranks, disagreement, idle capabilities."""
+"""What the first page and an engine's page say of headlines: partly rated squares, wide passes, ranks, disagreement, idle capabilities."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def test_a_step_explains_its_own_error_only(tmp_path, write, small):
 def test_what_errors_are_relative_to_is_that_of_the_rows_that_are_shown(panel):
     first = next(row for row in panel.stored.headlines if row["engine"] == "first" and row["rel_error"] == 0.04)
     for row in panel.stored.headlines:
-        row["scale_is"] = "the other way"  # of rows that no engine's largest error stands in
+        row["scale_is"] = "the other way"  # of rows that no engine's largest error is in
     first["scale_is"] = "its way"
     assert ranking.rank(panel, panel.cases["demo/one"]).scales == {"lift": "the other way or its way"}
 

@@ -27,7 +27,7 @@ SECONDS = {"exact": 8.0, "first": 1.0, "blunder": 2.0, "little": 1.0, "half": 9.
 
 @pytest.fixture(scope="module")
 def make(tmp_path_factory, write, small):
-    """Writes a store of errors by engine, case and step; a case is named by its use, one letter stands for sliding."""
+    """Writes a store of errors by engine, case and step; a case is named by its use, one letter represents sliding."""
 
     def stored(errors, seconds, **named):
         tables = {"cells": [], "headlines": []}
@@ -77,7 +77,7 @@ def one_step(**errors):
 
 
 def test_engines_are_ordered_by_their_worst_error(store):
-    """A mean would put the blunder, exact on all but one case, before the engine that is off by 2 % at most."""
+    """A mean would put the blunder, exact on all except one case, before the engine that is off by 2 % at most."""
     found = found_in(store)
     assert list(found) == ["all", *USES]
     sliding = found["sliding"]
@@ -127,7 +127,7 @@ def test_everything_takes_the_headlines_of_all_uses_together(make):
 
 
 def test_what_is_in_space_is_distinguished_where_a_store_has_both(make):
-    """One engine is exact in the plane and off by a tenth in space; with either alone there is nothing to tell apart."""
+    """One engine is exact in the plane and off by a tenth in space; with either alone there is nothing to distinguish."""
     plane, space = ("sliding/a", 0.1), ("impacts/a", 0.1)
     store = make({"one": {plane: 1e-13, space: 0.1}, "two": {plane: 0.2, space: 1e-3}}, {})
     assert "space" not in found_in(store)

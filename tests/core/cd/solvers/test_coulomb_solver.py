@@ -267,7 +267,7 @@ def test_forces_of_the_associated_rule_are_tight_where_the_law_is_asked_for_loos
 
 
 def test_compliance_is_raised_until_a_point_is_found(collapse: ContactProblem, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tenfold at the contacts in its way, to 1e-3 at least and 1 at most; once it is found all are lowered to 0.8 of what they are then."""
+    """Tenfold at contacts in its path, to 1e-3 at least and 1 at most; once it is found all are lowered to 0.8 of what they are then."""
     there = np.zeros(collapse.n_contacts, dtype=bool)
     there[collapse.n_contacts // 2] = True
     walk = proximal._PointSequence(proximal._Search(collapse, TIGHT), np.zeros((collapse.n_contacts, 2)), alike=0.1)
@@ -338,7 +338,7 @@ def beside(one: ContactProblem, other: ContactProblem) -> ContactProblem:
 
 @pytest.mark.parametrize("builder", ["hyperstatic", "blocked"])
 def test_where_newtons_method_circles_is_distinguished_from_where_it_ends(builder: str) -> None:
-    """It goes round in a small problem beside single bodies: the contacts that change are of that, and a path begins with all others
+    """It cycles in a small problem beside single bodies: the contacts that change are of that, and a path begins with all others
     solved."""
     index = {"hyperstatic": 1, "blocked": 127}[builder]
     small = problems.problem(index)

@@ -1,4 +1,4 @@
-"""Coulomb's law where sweeps do not arrive: polish and pivots, on problems of settling disks, and pyramids that stay."""
+"""Coulomb's law where sweeps do not converge: polish and pivots, on problems of settling disks, and pyramids that stay."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def test_friction_beyond_the_cone_is_seen(run_cell):
 
 
 def test_what_friction_lets_through_is_excused_and_twice_as_much_is_not(run_cell):
-    """A steady creep of the size that a softness of 1e-2 stands for."""
+    """A steady creep of the size that a softness of 1e-2 represents."""
     step = 0.01
     let_through = 10.0 * 0.01 / 0.99 * step
     scene = CASE.build(resolve(CASE, {}).params).scene

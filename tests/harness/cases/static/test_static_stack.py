@@ -50,7 +50,7 @@ def test_sweeps_and_softness_of_a_column():
 
 
 def test_few_sweeps_are_allowed_for_where_the_engine_reports_their_option() -> None:
-    """Whatever that option is called; an engine that does not tell is held to the whole load in each step."""
+    """Whatever that option is called; an engine that does not report is held to the whole load in each step."""
     params = resolve(CASE, {}).params
     setup = CASE.build(params)
     observed = CASE.observe(params, setup, blank_history(setup))

@@ -179,7 +179,7 @@ EXPECTED = {
     ),
 }
 RIGID = [engine for engine in EXPECTED if engine != "mujoco"]
-"""Those whose contacts do not last: MuJoCo's have tests of their own beside."""
+"""Those whose contacts do not last: MuJoCo's have their own tests beside."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ def test_forces_follow_the_scene_s_signs_and_are_step_means(case: Case, rigid: L
 
 @each_rigid
 def test_each_pair_has_its_own_friction_and_restitution(case: Case, rigid: Law) -> None:
-    """Two disks in a row between walls that all differ: engines would combine coefficients of bodies, each in its way."""
+    """Two disks in a row between walls that all differ: engines would combine coefficients of bodies, each by its own rule."""
     mu, e = case.expected.between
     disks = Disks(x=[[0.0, 0.5], [3.0, 0.5]], v=[[4.0, 0.0], [0.0, 0.0]], radius=0.5, mass=[2.0, 3.0], rotating=False)
     floor = Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=rigid(mu=0.25))
@@ -341,7 +341,7 @@ def test_oblique_impact_of_two_disks(case: Case, rigid: Law, restitution: float)
     # Momentum is exchanged: round-off of the precision, whatever the contact's regularisation.
     exchanged = 8 * EPS if case.expected.facts[2] == "float32" else 1e-12
     np.testing.assert_allclose(history.v[-1, 0] + 3.0 * history.v[-1, 1], disks.v[0], atol=exchanged)
-    turned = 0.01 / 2.0  # the way of a step over the distance: normals of its begin and its end
+    turned = 0.01 / 2.0  # the displacement in a step over the distance: normals of its begin and its end
     impulse = history.fn[hit, 0] * 0.01
     assert impulse == pytest.approx((1.0 + restitution) * approach * 0.75, rel=max(case.expected.impact, turned**2))
 
@@ -409,7 +409,7 @@ def test_slip_ends_in_the_right_step(case: Case, dt: float, onset: float) -> Non
 
 @each
 def test_settings_are_recorded_and_runs_repeat_to_the_bit(case: Case, rigid: Law, on_plane: Plane) -> None:
-    """In a process of its own, and the same there as here."""
+    """In its own process, and the same there as here."""
     scene, given = on_plane(rigid(mu=0.3), slope=0.5, degrees=33.0), case.expected.given
     one, two = (case.engine.run(scene, case.numerics(20, **given), ((0, 1),)) for _ in range(2))
     wanted = {f"{case.engine.id}.{name}": value for name, value in {**given, **case.expected.recorded}.items()}

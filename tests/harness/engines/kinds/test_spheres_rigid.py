@@ -119,7 +119,7 @@ def test_sliding_is_the_same_in_all_directions_and_ends_in_rolling(engine: str) 
     if engine == "drake-sap":  # the sliding ones fly
         return
     np.testing.assert_allclose(history.fn[-1, :2], [2.0 * G, G], rtol=expected.velocity)
-    # The force on the first body is against its way; the wall gets the opposite of all.
+    # The force on the first body is against its path; the wall gets the opposite of all.
     np.testing.assert_allclose(history.fs[-1, 0], -MU * 2.0 * G * ways[0], atol=1e-3)
     np.testing.assert_allclose(history.fs[-1, 1], 0.0, atol=1e-3)
     np.testing.assert_allclose(history.wall_force[-1, 0], [0.0, 0.0, -17.0 * G], rtol=1e-3, atol=1e-3)
@@ -146,7 +146,7 @@ def test_a_ball_rolls_down_a_tilted_plane_at_five_sevenths(engine: str) -> None:
 
 @each_engine
 def test_a_ball_on_a_turntable_circles_at_two_sevenths(engine: str) -> None:
-    """The table's own point goes round, too: it is not on the axis."""
+    """The table's own point moves on a circle, too: it is not on the axis."""
     turn, radius, speed = 2.0, 0.5, 0.7
     motion = (PlaneSegment(angular_velocity=(0.0, 0.0, turn), pivot=(0.0, 0.0, 0.0)),)
     table = PlaneWall(name="table", point=(2.0, 1.0, 0.0), normal=(0.0, 0.0, 1.0), law=law(1.0), motion=motion)

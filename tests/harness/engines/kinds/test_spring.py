@@ -137,7 +137,7 @@ def test_smooth_compression_is_the_exact_recurrence(engine: Any, load_case: str,
 @engines(lambda each: each.rough)
 @pytest.mark.parametrize(("load_case", "form"), [("a1", "central"), ("b2", "lagged")])
 def test_rough_compression_is_the_in_house_dem(engine: Any, load_case: str, form: str) -> None:
-    """Corner disks rub on two walls at once: their shear forces are told apart."""
+    """Corner disks rub on two walls at once: their shear forces are distinguished."""
     setup = variant("nine-disk/compression", load_case=load_case, wall_mu="mu", damping_form=form, settle_cycles=0)
     history = engine.run(setup.scene, setup.numerics, setup.watch).history
     core = simulate(setup.scene, setup.numerics, setup.watch)

@@ -195,7 +195,7 @@ def test_shear_of_esys_particle_keeps_its_direction(kind: str) -> None:
 
 def test_forces_that_esys_particle_does_not_report_are_not_observed() -> None:
     """Six spheres about a small one, 18 contacts in 15 directions of motion: the motion is the core's, normal forces are NaN. A sphere
-    between two planes is told apart by these."""
+    between two planes is distinguished by these."""
     law = SphereLaw(kn=1e4)
     corners = np.concatenate([np.eye(3), -np.eye(3)])
     spheres = Spheres(x=np.concatenate([0.01 * corners, np.zeros((1, 3))]), radius=[*[0.0072] * 6, 0.003], mass=0.01)
@@ -257,7 +257,7 @@ def test_dashpots_of_kratos_are_those_of_the_law(law: SphereLaw) -> None:
 
 @pytest.mark.parametrize("law", [LINEAR, HERTZ])
 def test_dashpots_of_kratos_at_planes_are_those_of_the_law(law: SphereLaw) -> None:
-    """A sphere between a plane at rest and one that comes, until a dashpot would pull; forces of both are told apart."""
+    """A sphere between a plane at rest and one that comes, until a dashpot would pull; forces of both are distinguished."""
     smooth = replace(law, mu=0.0, beta=0.2)
     walls = (
         PlaneWall(name="floor", point=(0, 0, 0), normal=(0, 0, 1), law=smooth),
@@ -306,7 +306,7 @@ def test_surface_energy_pulls_two_spheres_in_lammps_as_in_the_law(surface: str, 
         one: dict[str, float] = {"e_star": 1e7, "surface_energy": energy, "radius": 0.5 * radius}
         exact = stable_contact(-found.gap[holds, 0], **one)[1]
         assert np.abs(found.fn[holds, 0] - exact).max() <= 1e-13 * np.abs(exact).max()  # round-off
-        # It lets go at the largest pull, s^3 = 3, and not at the break, s = 1: -(s^4 - 4 s) instead of 3, seen each 4e-8 m.
+        # It releases at the largest pull, s^3 = 3, and not at the break, s = 1: -(s^4 - 4 s) instead of 3, seen each 4e-8 m.
         largest_pull = (4.0 * 3.0 ** (1.0 / 3.0) - 3.0 ** (4.0 / 3.0)) * -neck(**one).breaking_overlap / 3.0
         assert 0.0 <= largest_pull - found.gap[holds, 0].max() <= 4e-8
 

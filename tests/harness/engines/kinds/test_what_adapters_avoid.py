@@ -1,6 +1,6 @@
 """What engines do that their adapters avoid or refuse, seen without them: why these are as they are.
 
-A row that fails tells that the engine has changed, and that its adapter may become simpler.
+A row that fails shows that the engine has changed, and that its adapter may become simpler.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def test_a_massless_body_of_bullet_that_turns_meets_contacts_with_another_veloci
 
 @pytest.mark.parametrize("limit", [None, 1e30])
 def test_a_massless_body_of_bullet_drags_at_a_hundred_units_at_most(limit: float | None) -> None:
-    """Its velocity beyond maxJointVelocity, 100 by default, does not arrive in contacts, though the body tells it back."""
+    """Its velocity beyond maxJointVelocity, 100 by default, does not act in contacts, though the body reports it back."""
     pybullet: Any = pytest.importorskip("pybullet")
     client, speed = pybullet.connect(pybullet.DIRECT), 140.0
     try:

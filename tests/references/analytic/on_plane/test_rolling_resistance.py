@@ -114,7 +114,7 @@ def test_accelerations_are_those_of_the_velocities_and_these_of_the_path(angle):
 
 
 def test_two_disks_pressed_together_are_one_that_rolls():
-    """Numbers by hand: unlike disks under 50 N, a constant torque 0.3/6 of it, and a spring with a dashpot by equations of its own."""
+    """Numbers by hand: unlike disks under 50 N, a constant torque 0.3/6 of it, and a spring with a dashpot by its own equations."""
     pair = {"radius_1": 0.5, "radius_2": 0.25, "mass_1": 2.0, "mass_2": 0.5, "inertia_1": 0.25, "inertia_2": 1.0 / 64.0}
     disk = rr.equivalent_disk(**pair, force=50.0)
     given = {"mu_r": 0.3, "angle": 0.0, "g": disk.g, "speed": disk.radius * 1.5, "inertia_ratio": disk.inertia_ratio}
