@@ -152,7 +152,7 @@ def test_what_is_reported_wrongly_is_found(begin: Path, old: str, new: str, chec
 
 
 @pytest.mark.parametrize(
-    ("e", "told", "back", "found"),
+    ("e", "reported", "back", "found"),
     [
         (1.0, 1.0, 1.0, set()),
         (0.8, 0.8, None, set()),
@@ -349,7 +349,7 @@ DUMP = (
 
 
 @pytest.mark.parametrize(
-    ("text", "told", "said"),
+    ("text", "reported", "said"),
     [
         (TABLE.replace("0.1,1,0", "0.1,1,zero"), TOLD, ["a.csv, line 3, column 3 (x)", "'zero' is no number"]),
         (TABLE + "0.2,1,0\n", TOLD, ["a.csv, line 4: 3 columns, expected 6"]),

@@ -262,7 +262,7 @@ def test_the_first_page_has_the_engines_of_each_use(report):
 
 
 @pytest.mark.parametrize(
-    ("errors", "seconds", "told"),
+    ("errors", "seconds", "reported"),
     [
         ({"one": 0.1}, {}, ["ONE 10 %", "no time is known", "one engine alone"]),
         ({"one": 0.0, "two": 1e-13}, {"one": 1.0}, None),
@@ -317,7 +317,7 @@ def test_an_engines_page_begins_with_how_wrong_how_fast_and_its_largest_finding(
     assert 'href="../case/b.html">Demo</a> (dt=own)' in main[: main.index("</dl>")]
 
 
-@pytest.mark.parametrize(("size", "told"), [(0.3, "20 % finding"), (0.2, "20 % finding"), (0.1, "20 % headline")])
+@pytest.mark.parametrize(("size", "reported"), [(0.3, "20 % finding"), (0.2, "20 % finding"), (0.1, "20 % headline")])
 def test_the_largest_of_headlines_and_declared_findings_is_reported(make, tmp_path, size, reported):
     """A finding that is as large as the worst headline explains it; `other` is no engine of this page."""
     found = [
