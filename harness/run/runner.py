@@ -216,7 +216,7 @@ def all_checks(cell: Cell, setup: Setup, observed: Any, info: EngineInfo, publis
     own = list(cell.case.checks(params, setup, observed, info))
     found = with_slop(own + published_checks(cell.case.id, params, observed, own, published), observed, info)
     # An observer's numbers are other ones than those of the scene that truths are about.
-    seen = getattr(cell.case, "seen", None)
+    seen = getattr(cell.case, "observed_problem", None)
     plain, drift = (setup, 0.0) if seen is None else seen(params)
     return in_single_precision(found, plain, observed, info, drift)
 

@@ -70,7 +70,7 @@ def test_exit_status(
         return run
 
     monkeypatch.setattr(job, "ninedisk", ninedisk)
-    monkeypatch.setattr(job, "news", lambda store: f"news of {store}")
+    monkeypatch.setattr(job, "changed_verdicts", lambda store: f"news of {store}")
     monkeypatch.setattr(sys, "argv", ["main_job.py", "--out", str(tmp_path / "page"), *flags])
     assert job.main() == status
     assert calls == ["run", "report"]
@@ -108,7 +108,7 @@ def test_a_run_without_rows_is_said_to_be_one(job: ModuleType, tmp_path: Path) -
 def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
     monkeypatch.setattr(job, "ninedisk", lambda *arguments: calls.append(arguments) or 0)
-    monkeypatch.setattr(job, "news", lambda _: "")
+    monkeypatch.setattr(job, "changed_verdicts", lambda _: "")
     monkeypatch.setattr(sys, "argv", ["main_job.py", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c"])
     assert job.main() == 0
     assert calls[0][:6] == ("run", "--all-engines", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")
@@ -122,8 +122,8 @@ def test_news_are_what_moved_since_the_run_before(job: ModuleType, tmp_path: Pat
         assert done.exit_code in (0, 1), done.output
 
     run("plastic")
-    assert "has 1 finished run" in job.news(str(tmp_path))
+    assert "has 1 finished run" in job.changed_verdicts(str(tmp_path))
     run("plastic")
-    assert job.news(str(tmp_path)) == f"nothing moved (ninedisk compare latest~1 latest --store {tmp_path})"
+    assert job.changed_verdicts(str(tmp_path)) == f"nothing moved (ninedisk compare latest~1 latest --store {tmp_path})"
     run("plastic", "--set", "speed=2")
-    assert " new" in job.news(str(tmp_path))
+    assert " new" in job.changed_verdicts(str(tmp_path))

@@ -95,8 +95,8 @@ def test_looking_changes_no_bit(threads: int, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("ninedisk.core.dem.session.SORT_FROM", 10)
     scene = falling()
     dt, looks = 0.55 * critical_time_step(scene), []
-    look = DemSession._look
-    monkeypatch.setattr(DemSession, "_look", lambda self: looks.append(1) or look(self))
+    look = DemSession._check_critical_step
+    monkeypatch.setattr(DemSession, "_check_critical_step", lambda self: looks.append(1) or look(self))
     how = Numerics(dt=dt, contact_dt=dt, n_steps=600, sample_every=40)
     found = DemSession(scene, how, threads=threads).run()
     assert looks

@@ -118,7 +118,7 @@ def test_a_run_that_differs_from_the_first_is_not_timed(settled: DemProblem, mon
 
 def test_threads_are_held_against_one(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dem, "SORT_FROM", 10)
-    monkeypatch.setattr(dem, "cores", lambda: 3)
+    monkeypatch.setattr(dem, "usable_cores", lambda: 3)
     problem = replace(settled, short=False)
     rows = dem.run_problem(problem, {}, repeats=1, time_limit=60.0, notify=lambda _: None)
     assert [row["threads"] for row in rows] == [1, 2, 3]
@@ -129,7 +129,7 @@ def test_threads_are_held_against_one(settled: DemProblem, monkeypatch: pytest.M
 def test_a_peer_with_threads_is_timed_with_more(settled: DemProblem, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the order in which two threads add up forces, the physics is that of one."""
     monkeypatch.setattr(dem, "SORT_FROM", 10)
-    monkeypatch.setattr(dem, "cores", lambda: 2)
+    monkeypatch.setattr(dem, "usable_cores", lambda: 2)
     engines = {"yade": get_engine("yade")}
     rows = dem.run_problem(settled, engines, repeats=1, time_limit=60.0, notify=lambda _: None)
     assert [(row["engine"], row["threads"]) for row in rows] == [("dem", 1), ("yade", 1), ("yade", 2)]
