@@ -90,7 +90,7 @@ def settings_of_other_engines(case: Case, params: Mapping[str, Any], contact: st
     >>> from ninedisk.harness.api.registry import get_case
     >>> case = get_case("binary-collision")
     >>> newton = resolve(case, {"impact": "newton"}).params
-    >>> foreign_settings(case, newton, "spring"), foreign_settings(case, newton, "cd")
+    >>> settings_of_other_engines(case, newton, "spring"), settings_of_other_engines(case, newton, "cd")
     (['impact'], [])
     """
     return [

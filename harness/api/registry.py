@@ -210,7 +210,7 @@ def entry_problems() -> tuple[str, ...]:
 
     Examples
     --------
-    >>> all(isinstance(sentence, str) for sentence in problems())
+    >>> all(isinstance(sentence, str) for sentence in entry_problems())
     True
     """
     found = (text for group in (CASE_GROUP, ENGINE_GROUP) for text in _registered(group)[1])

@@ -22,7 +22,7 @@ def short_number(value: float) -> str:
 
     Examples
     --------
-    >>> short(9.80665), short(float("nan"))
+    >>> short_number(9.80665), short_number(float("nan"))
     ('9.81', '-')
     """
     return "-" if math.isnan(value) else f"{value:.3g}"
@@ -43,7 +43,7 @@ def count_noun(count: int, word: str) -> str:
 
     Examples
     --------
-    >>> some(1162, "check"), some(1, "check")
+    >>> count_noun(1162, "check"), count_noun(1, "check")
     ('1,162 checks', '1 check')
     """
     return f"{count:,} {word}{'' if count == 1 else 's'}"
@@ -65,7 +65,7 @@ def factor_text(base: float, head: float) -> str:
 
     Examples
     --------
-    >>> times(2.0, 2.6), times(0.0, 1.0)
+    >>> factor_text(2.0, 2.6), factor_text(0.0, 1.0)
     ('1.30x', '-')
     """
     if math.isnan(base) or math.isnan(head) or base <= 0.0:
@@ -112,7 +112,7 @@ def one_line(text: str) -> str:
 
     Examples
     --------
-    >>> printable("two" + chr(10) + "lines")
+    >>> one_line("two" + chr(10) + "lines")
     'two lines'
     """
     return _CONTROL.sub(" ", text)

@@ -46,13 +46,13 @@ RIGHT_VALUES: dict[str, Any] = {
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "surface_energy": 1.0, "kr": 1e2, "mu_r": 0.5,
     "arm": 1.3, "held_radius": 0.5, "reached": [0.5, 1.0],
     "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
-    "velocity": (1.0, -1.0), "vy": -1.0, "way": 0.5, "weight": 1.0, "weights": [1.0, 3.0], "xi": 0.1, "y": 1.0,
+    "velocity": (1.0, -1.0), "vy": -1.0, "path": 0.5, "weight": 1.0, "weights": [1.0, 3.0], "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
 
 OWN: dict[str, dict[str, Any]] = {
     "rolling_off.rolled_off": {"mu": 2.0},
-    "belt.taken_along": {"segments": [(0.1, 0.5), (0.2, -0.5)], "ease": 3.0},
+    "belt.belt_motion": {"segments": [(0.1, 0.5), (0.2, -0.5)], "ease": 3.0},
     "cluster.cluster_swing": {
         "velocity": np.array([[0.1, 0.0, 0.2], [0.0, 0.0, 0.0]]),
         "radius": np.array([0.5, 0.2]),
@@ -71,7 +71,7 @@ OWN: dict[str, dict[str, Any]] = {
     "segments.under_segments": {"segments": [(0.0, 1.0, 2.0), (0.5, 2.0, -1.0)]},
     "compression.ramp_response": {"t": np.array([0.0, 0.1])},
     "critical_step.lagged_limit": {"mass": np.eye(2)},
-    "ellipse_collision.gap_and_way": {"t": 0.0},
+    "ellipse_collision.gap_and_direction": {"t": 0.0},
     "ellipse_contact.ellipse_overlap": {"one": ONE, "two": TWO},
     "ellipse_contact.ellipse_separation": {"one": ONE, "two": TWO},
     "hard_disks.hard_disks": {"x": [(0.2, 0.2), (0.6, 0.2)], "v": [(1.0, 0.0), (0.0, 0.0)], "times": [0.1, 0.3]},
@@ -81,7 +81,7 @@ OWN: dict[str, dict[str, Any]] = {
     "rolling_incline.roll_down": {"rates": (1.0, 1.0, 1.0, 1.0, 1.0)},
     "prescribed_partner.struck_by_turning_wall": {"place": (0.5, 0.2)},
     "lattice.stretched": {"rate": (-0.1, 0.1)},
-    "pushed_row.static_force": {"way": 0.01},
+    "pushed_row.static_force": {"path": 0.01},
     "ball_on_plane.slide_and_roll": {"spin": (1.0, 2.0, 3.0)},
     "ball_on_plane.slip_of": {"spin": (1.0, 2.0, 3.0)},
     "turntable.turntable": {"start": (1.0, 2.0), "v": (0.7, 0.0)},
@@ -121,7 +121,7 @@ ANY_SIGN = {
     "v_wall",
     "velocity",
     "vy",
-    "way",
+    "path",
     "y",
 }
 """Arguments that may be negative, here or there."""

@@ -45,7 +45,7 @@ def passing_shear(path: ArrayLike, *, ahead: float, aside: float) -> FloatArray:
     finite(ahead=ahead, aside=aside)
     if aside == 0.0:
         raise ValueError(f"aside = {aside!r} is not allowed: the centres would meet; it must be above or below 0")
-    left = ahead - array("way", path)
+    left = ahead - array("path", path)
     return np.asarray(aside * (math.asinh(ahead / abs(aside)) - np.arcsinh(left / abs(aside))))
 
 

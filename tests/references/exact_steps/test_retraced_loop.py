@@ -17,7 +17,7 @@ from ninedisk.references.analytic.contact.retraced_loop import (
 from ninedisk.references.exact_steps.retraced_loop import oscillation_central, pair_shear, turning_wall_steps
 
 AHEAD, ASIDE, AMPLITUDE, FREQUENCY = 0.2, -0.55, 0.02, 2.0 * math.pi
-WALL = {"radius": 0.5, "overlap": 0.05, "way": 0.03, "angle": 0.07}
+WALL = {"radius": 0.5, "overlap": 0.05, "path": 0.03, "angle": 0.07}
 
 
 def test_the_oscillation_obeys_its_recurrence():

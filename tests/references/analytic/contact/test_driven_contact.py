@@ -34,7 +34,7 @@ def test_the_shaken_contact_obeys_its_equation(beta):
 
 
 def test_the_shuttle_goes_to_and_fro():
-    path = {"speed": 2.0, "gap": 0.3, "way": 1.0, "omega_first": 5.0, "omega_second": 4.0}
+    path = {"speed": 2.0, "gap": 0.3, "path": 1.0, "omega_first": 5.0, "omega_second": 4.0}
     period = math.pi / 5.0 + math.pi / 4.0 + 1.0
     touch = 0.15
     t = np.array(

@@ -15,7 +15,7 @@ from ninedisk.references.analytic.contact.retraced_loop import (
 )
 
 AHEAD, ASIDE = 0.2, -0.55
-WALL = {"way": 0.03, "angle": 0.07}
+WALL = {"path": 0.03, "angle": 0.07}
 
 
 def test_shear_of_a_passing_centre_is_the_integral_of_r_dphi():
@@ -41,14 +41,14 @@ def test_the_drift_of_two_small_oscillations():
 def test_shear_on_a_turning_wall_is_the_integral_of_its_velocity(mid):
     s = np.linspace(0.0, 1.0, 100001)
     radius, overlap = 0.5, 0.05
-    c, phi = np.column_stack([0.0 * s, WALL["way"] * s]), WALL["angle"] * s
+    c, phi = np.column_stack([0.0 * s, WALL["path"] * s]), WALL["angle"] * s
     u = np.column_stack([-np.sin(phi), np.cos(phi)])
     surface = c - (radius - overlap) * u
     height = -(surface * u).sum(axis=1)
     # The wall's point at the disk's foot, or deeper by half the overlap.
     depth = height + (0.5 * (radius - height) if mid else 0.0)
     arm = -depth[:, None] * u - c
-    velocity = np.column_stack([-arm[:, 1], WALL["way"] / WALL["angle"] + arm[:, 0]]) * WALL["angle"]
+    velocity = np.column_stack([-arm[:, 1], WALL["path"] / WALL["angle"] + arm[:, 0]]) * WALL["angle"]
     rate = velocity[:, 0] * u[:, 1] - velocity[:, 1] * u[:, 0]
     integral = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(s))])
     found = turning_wall_shear(s, radius=radius, overlap=overlap, mid_overlap=mid, **WALL)
@@ -60,7 +60,7 @@ def test_arguments_out_of_range_are_refused():
         passing_shear(0.1, ahead=0.2, aside=0.0)
     with pytest.raises(ValueError, match="dt"):
         passing_drift(amplitude=0.1, frequency=1.0, ahead=0.2, aside=0.1, dt=0.0)
-    with pytest.raises(ValueError, match="way"):
+    with pytest.raises(ValueError, match="path"):
         turning_wall_shear(0.1, radius=0.5, overlap=0.1, path=-1.0, angle=0.1, mid_overlap=False)
     with pytest.raises(ValueError, match="period"):
         turning_wall_drift(path=0.1, angle=0.1, period=math.nan, dt=0.1, mid_overlap=False)
