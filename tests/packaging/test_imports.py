@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -147,6 +148,38 @@ def test_a_kernel_is_answerable_for_what_it_reaches(tmp_path: Path, layout: str,
     (tmp_path / "layout.py").write_text(layout)
     planted = {f"ninedisk.core.{path.stem}": path for path in tmp_path.iterdir()}
     assert beyond_kernels({**planted, "ninedisk.core.scene": tmp_path / "scene.py"}) == wrong
+
+
+def test_drivers_import_names_that_exist(sources: dict[str, Path], tmp_path: Path) -> None:
+    """Drivers run inside other programs, import their neighbours by plain names, and no checker of types reads them."""
+    files = [path for path in sources.values() if {"engines", "bench"} & set(path.parts)]
+    assert missing_names(files) == []
+    (tmp_path / "one_parts.py").write_text("def here(): ...\n")
+    (tmp_path / "one_driver.py").write_text("from one_parts import gone, here\n")
+    assert missing_names(tmp_path.glob("*.py")) == ["one_driver.py: one_parts has no gone"]
+
+
+def missing_names(files: Iterable[Path]) -> list[str]:
+    """Names that files import from each other by plain module names, and that are not there."""
+    trees = {path: ast.parse(path.read_text()) for path in files}
+    named: dict[str, list[Path]] = {}
+    for path in trees:
+        named.setdefault(path.stem, []).append(path)
+    found = []
+    for path, tree in trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.level == 0 and len(named.get(node.module or "", ())) == 1:
+                (other,) = named[node.module or ""]
+                there = {part.name for part in trees[other].body if isinstance(part, ast.FunctionDef | ast.ClassDef)}
+                for part in ast.walk(trees[other]):
+                    if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
+                        there.add(part.id)
+                    elif isinstance(part, ast.Import | ast.ImportFrom):
+                        there |= {alias.asname or alias.name for alias in part.names}
+                found += [
+                    f"{path.name}: {node.module} has no {alias.name}" for alias in node.names if alias.name not in there
+                ]
+    return found
 
 
 def test_yade_is_imported_inside_yade_only(sources: dict[str, Path]) -> None:

@@ -28,7 +28,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
-from driver_parts import SpringRun, in_3d, rough, serve
+from driver_parts import SpringRun, carries_shear, in_3d, serve
 from esys.lsm import (
     GravityPrms,
     HertzMindlinViscoPrms,
@@ -301,7 +301,7 @@ class SphereRun(EsysRun):
                 if not len(members):
                     continue
                 law = self.law_of(int(i), int(members[0]))
-                mu = law["mu"] if rough(law) else 0.0
+                mu = law["mu"] if carries_shear(law) else 0.0
                 contact = RotFrictionPrms(
                     name=f"spheres{k}-{other}",
                     normalK=law["kn"],

@@ -29,7 +29,7 @@ sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import KratosMultiphysics as Kratos
 import numpy as np
-from driver_parts import SpringRun, clock, in_3d, length, number, numbers, rough, serve, spin_in_3d, triangle
+from driver_parts import SpringRun, carries_shear, clock, in_3d, length, number, numbers, serve, spin_in_3d, triangle
 from KratosMultiphysics import DEMApplication as Dem
 from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage
 
@@ -297,7 +297,7 @@ class Run(SpringRun):
             if not touching:
                 continue
             left = total[i] + sum(fn * normal for _, fn, _, normal in touching)
-            shearing = [w for w, *_ in touching if rough(self.law_of(i, self.n + w))]
+            shearing = [w for w, *_ in touching if carries_shear(self.law_of(i, self.n + w))]
             tangents = np.array([(pose[w, 3], -pose[w, 2]) for w in shearing]).reshape(-1, 2).T
             solved, _, rank, _ = np.linalg.lstsq(tangents, left, rcond=1e-9)
             # An overlap is known to some units of round-off of the coordinates: disks that just touch have no force beyond it.
@@ -333,7 +333,7 @@ class Run(SpringRun):
                 push, _, rank, _ = np.linalg.lstsq(pose[touching, 3:6].T, total[i], rcond=1e-9)
                 push = push if rank == len(touching) else np.full(len(touching), np.nan)
             left = total[i] - np.array(push) @ pose[touching, 3:6]
-            shearing = [w for w, law in zip(touching, laws, strict=True) if rough(law)]
+            shearing = [w for w, law in zip(touching, laws, strict=True) if carries_shear(law)]
             for w, fn in zip(touching, push, strict=True):
                 normal, shear = pose[w, 3:6], np.zeros(3)
                 if w in shearing:
@@ -455,11 +455,11 @@ def materials(run, densities, first):
 
 def contact(law, model):
     """Variables of one relation; a contact without friction or without shear spring carries no shear force."""
-    mu = law["mu"] if rough(law) else 0.0
+    mu = law["mu"] if carries_shear(law) else 0.0
     return {
         "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": model,
         "K_NORMAL": law["kn"],
-        "K_TANGENTIAL": law["ks"] if rough(law) else law["kn"],
+        "K_TANGENTIAL": law["ks"] if carries_shear(law) else law["kn"],
         "COEFFICIENT_OF_RESTITUTION": 1.0,  # the dashpot's ratio is set by the driver
         "STATIC_FRICTION": mu,
         "DYNAMIC_FRICTION": mu,

@@ -28,7 +28,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps folde
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
-from driver_parts import SpringRun, clock, ids, in_3d, length, number, numbers, rough, serve
+from driver_parts import SpringRun, carries_shear, clock, ids, in_3d, length, number, numbers, serve
 from lammps_parts import Arrays, load
 from motion_parts import MOTIONS
 
@@ -426,7 +426,7 @@ def disk_words(run, i, j):
     soft = law["kn"] - law["cohesion"]
     repulsive = law["kn"] / soft
     shear, resisted = "linear_nohistory 0.0 0.0", ""
-    if rough(law):
+    if carries_shear(law):
         shear = f"linear_history {number(law['ks'])} 0.0 {number(law['mu'] * repulsive)}"
     if law["rolling"] is not None:
         curvature = sum(1.0 / run.radius[k] for k in bodies)
@@ -447,7 +447,7 @@ def sphere_words(run, i, j):
     else:
         normal = f"hooke {number(law['kn'])} {number(rebound)}"
     shear, resisted = "linear_nohistory 0.0 0.0", ""
-    if rough(law):
+    if carries_shear(law):
         model = MINDLIN[law["unloading"]] if law["e_star"] else "linear_history"
         stiffness = 8.0 * law["g_star"] if law["e_star"] else law["ks"]
         shear = f"{model} {number(stiffness)} 0.0 {number(law['mu'])}"
@@ -479,7 +479,7 @@ def stored(law, overlap, fs):
     """Elastic energy of a contact's springs [J]; NaN with a rolling spring, whose torque LAMMPS reports of no wall."""
     if law["rolling"] is not None:
         return math.nan
-    shear = 0.5 * fs * fs / law["ks"] if rough(law) else 0.0
+    shear = 0.5 * fs * fs / law["ks"] if carries_shear(law) else 0.0
     return float(0.5 * (law["kn"] - law["cohesion"]) * overlap * overlap + shear)
 
 
@@ -505,7 +505,7 @@ def load_shear(run):
                 slip[body] = (-sign * normal[1], sign * normal[0], run.radius[body])
                 approach[body, :2] = sign * normal[0], sign * normal[1]
         shear = wanted.get((i, j), 0.0)
-        if rough(law):
+        if carries_shear(law):
             rows.append(slip.ravel())
             values.append(-shear / (law["ks"] * run.dt))
         elif shear:

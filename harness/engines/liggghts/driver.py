@@ -22,7 +22,19 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))  # -P keeps folde
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
 
 import numpy as np
-from driver_parts import SpringRun, clock, ids, in_3d, length, number, numbers, rough, serve, spin_in_3d, triangle
+from driver_parts import (
+    SpringRun,
+    carries_shear,
+    clock,
+    ids,
+    in_3d,
+    length,
+    number,
+    numbers,
+    serve,
+    spin_in_3d,
+    triangle,
+)
 
 NOT_BUFFERED = 2
 """``_IONBF`` of the C library."""
@@ -125,10 +137,10 @@ class Run(SpringRun):
                 law = self.law_of(i, j)
                 values = {
                     "kn": law["kn"],
-                    "kt": law["ks"] if rough(law) else law["kn"],
+                    "kt": law["ks"] if carries_shear(law) else law["kn"],
                     "gamman": 2.0 * law["beta"] * math.sqrt(law["kn"] / self.reduced(i, j)[0]) / self.inflate,
                     "rebound": self.rebound(law),
-                    "mu": law["mu"] if rough(law) else 0.0,
+                    "mu": law["mu"] if carries_shear(law) else 0.0,
                 }
                 for name, value in values.items():
                     table[name][a, b] = table[name][b, a] = value

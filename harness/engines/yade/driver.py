@@ -30,7 +30,7 @@ import yade
 # YADE runs this file without a folder on the path.
 sys.path.insert(0, os.path.dirname(os.path.abspath(sys.argv[0])))
 sys.path.insert(1, os.path.join(sys.path[0], "..", "drivers"))
-from driver_parts import SpringRun, clock, in_3d, rough, serve, spin_in_3d
+from driver_parts import SpringRun, carries_shear, clock, in_3d, serve, spin_in_3d
 from yade import (
     Bo1_Box_Aabb,
     Bo1_Sphere_Aabb,
@@ -199,7 +199,7 @@ class Run(SpringRun):
         return MindlinPhys(
             kno=4.0 / 3.0 * law["e_star"] * math.sqrt(radius),
             kso=8.0 * law["g_star"] * math.sqrt(radius),
-            tangensOfFrictionAngle=law["mu"] if rough(law) else 0.0,
+            tangensOfFrictionAngle=law["mu"] if carries_shear(law) else 0.0,
             betan=math.sqrt(5.0 / 6.0 * mass / seen) * law["beta"],
             adhesionForce=4.0 * math.pi * law["surface_energy"] * radius,
             kr=rolling["kr"] if rolling else 0.0,
