@@ -92,14 +92,14 @@ walls = [{{name = "floor", point = [0.0, 0.0], normal = [0.0, 1.0]}}]
 """
 
 
-def test_an_honest_file_passes(sample: Path, begin: Path) -> None:
+def test_an_honest_file_passes(sample: Path, start_files: Path) -> None:
     code, checks = audited(sample / "trajectory.csv")
     assert code == 0
     assert {name for name, check in checks.items() if check["verdict"] != "holds"} == {"kept", "reversal"}
     # Allowances are of the size of the digits, not of the physics: nine digits of numbers near 1.
     assert checks["free"]["worst"]["allowance"] < 3e-8
     assert checks["momentum"]["worst"]["allowance"] < 1e-5
-    assert audited(begin / "trajectory.csv")[0] == 0
+    assert audited(start_files / "trajectory.csv")[0] == 0
 
 
 PLANTED: dict[str, tuple[str, Edit]] = {
@@ -119,9 +119,9 @@ PLANTED: dict[str, tuple[str, Edit]] = {
 
 
 @pytest.mark.parametrize("planted", PLANTED)
-def test_planted_errors_are_found(begin: Path, planted: str) -> None:
+def test_planted_errors_are_found(start_files: Path, planted: str) -> None:
     check, edit = PLANTED[planted]
-    file = begin / "trajectory.csv"
+    file = start_files / "trajectory.csv"
     code, checks = audited(write(edit(pd.read_csv(file)), file))
     assert code == 1
     assert check in violated(checks), {name: checks[name]["said"] for name in checks}
@@ -142,11 +142,11 @@ def test_planted_errors_are_found(begin: Path, planted: str) -> None:
         ("normal = [0.0, 1.0]", "normal = [0.05, 1.0]", "momentum"),
     ],
 )
-def test_what_is_reported_wrongly_is_found(begin: Path, old: str, new: str, check: str) -> None:
-    reported = (begin / "trajectory.toml").read_text()
+def test_what_is_reported_wrongly_is_found(start_files: Path, old: str, new: str, check: str) -> None:
+    reported = (start_files / "trajectory.toml").read_text()
     assert old in reported
-    (begin / "trajectory.toml").write_text(reported.replace(old, new))
-    code, checks = audited(begin / "trajectory.csv")
+    (start_files / "trajectory.toml").write_text(reported.replace(old, new))
+    code, checks = audited(start_files / "trajectory.csv")
     assert code == 1
     assert check in violated(checks), {name: checks[name]["said"] for name in checks}
 
@@ -398,9 +398,9 @@ def test_arrays_of_spheres_are_refused_for_what_they_are(tmp_path: Path) -> None
     assert "(3, 2, 3)" in done.output
 
 
-def test_the_page_holds_verdicts_and_the_place(begin: Path, tmp_path: Path) -> None:
+def test_the_page_holds_verdicts_and_the_place(start_files: Path, tmp_path: Path) -> None:
     edit, lost = PLANTED["jump: a position, once"][1], PLANTED["lost"][1]
-    file = begin / "trajectory.csv"
+    file = start_files / "trajectory.csv"
     write(lost(edit(pd.read_csv(file))), file)
     assert ninedisk("audit", str(file), "--out", str(tmp_path / "page")).exit_code == 1
     page = (tmp_path / "page" / "index.html").read_text()
