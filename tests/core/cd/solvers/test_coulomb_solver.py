@@ -294,7 +294,7 @@ def test_compliance_falls_off_from_contact_to_contact(collapse: ContactProblem, 
     raised = [3, c // 2]
     walk = proximal._PointSequence(proximal._Search(collapse, TIGHT), np.zeros((c, 2)), alike)
     walk.soft = np.full(c, 1e-6)
-    walk._raise(np.isin(np.arange(c), raised))
+    walk._raise_compliance(np.isin(np.arange(c), raised))
     pair, body = np.nonzero(collapse.bodies >= 0)
     at = coo_array((np.ones(len(pair)), (pair, collapse.bodies[pair, body]))).tocsr()
     away = dijkstra(at @ at.T, unweighted=True, indices=raised).min(axis=0)
