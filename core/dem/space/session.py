@@ -320,7 +320,8 @@ class SphereSession:
 
     def shear_forces(self) -> dict[Pair, tuple[float, ...]]:
         """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
-        return shear_by_pair(self._contacts().bodies, self._contacts().force, self._state.name)
+        contacts = self._contacts()
+        return shear_by_pair(contacts.bodies, contacts.force, self._state.name)
 
     @property
     def critical_dt(self) -> float:
@@ -667,9 +668,10 @@ class SphereSession:
             volume = float(np.prod(np.diag(self._images.now)))
             flow = self._images.rate @ np.linalg.inv(self._images.now)
             beside = v - x @ flow.T
-            beside = (beside - np.average(beside, axis=0, weights=mass)) * (state.mass > 0.0)[:, None]
+            if state.mass.any():  # 0 of fixed spheres, which have no part in it
+                beside = beside - np.average(beside, axis=0, weights=state.mass)
             history.stress[k, 0] = -self._images.share[:POWER].reshape(3, 3) / volume
-            history.stress[k, 1] = (mass[:, None] * beside).T @ beside / volume
+            history.stress[k, 1] = (state.mass[:, None] * beside).T @ beside / volume
             energy["cell_work"][k] = self._images.work[0]
         energy["translation"][k] = 0.5 * float(np.sum(mass * np.sum(v**2, axis=1)))
         energy["rotation"][k] = 0.5 * float(np.sum(inertia * np.sum(omega**2, axis=1)))

@@ -52,12 +52,20 @@ def packing(d: int, seed: int = 3) -> dict[str, Any]:
 
 
 def flat_and_solid(axes: tuple[int, int], rate: tuple[float, float, float]) -> tuple[Scene, SphereScene]:
-    """A cell in 2D and the same in the plane of two axes in 3D, whose third edge is so long that no image touches."""
+    """A cell in 2D and the same in the plane of two axes in 3D, whose third edge is so long that no image touches; a body is fixed."""
     bodies = packing(2)
+    moves = np.arange(len(bodies["x"])) != 12
+    bodies["v"][~moves], bodies["omega"][~moves] = 0.0, 0.0
+    bodies["rotating"] = moves
     inertia = 0.5 * bodies["mass"] * bodies["radius"] ** 2
     law = replace(LAW, beta=0.0)  # in 2D dashpots do not pull
     flow = np.array([[rate[0], rate[1]], [0.0, rate[2]]])
-    flat = Scene(disks=Disks(**bodies, inertia=inertia), disk_disk=law, cell=Cell(size=(SIZE, SIZE), rate=flow), xi=0.5)
+    flat = Scene(
+        disks=Disks(**bodies, held=np.tile(~moves[:, None], 2), inertia=inertia),
+        disk_disk=law,
+        cell=Cell(size=(SIZE, SIZE), rate=flow),
+        xi=0.5,
+    )
     a, b = axes
     third = 3 - a - b
     sign = 1.0 if (b - a) % 3 == 1 else -1.0
@@ -71,7 +79,8 @@ def flat_and_solid(axes: tuple[int, int], rate: tuple[float, float, float]) -> t
     x[:, [a, b]], v[:, [a, b]], omega[:, third] = bodies["x"], bodies["v"], sign * bodies["omega"]
     size[third] = 3.0
     turn[np.ix_([a, b], [a, b])] = flow
-    spheres = Spheres(x=x, v=v, omega=omega, radius=bodies["radius"], mass=bodies["mass"], inertia=inertia)
+    same = {name: bodies[name] for name in ("radius", "mass", "rotating")}
+    spheres = Spheres(x=x, v=v, omega=omega, held=np.tile(~moves[:, None], 3), inertia=inertia, **same)
     cell = Cell(size=tuple(size), rate=tuple(map(tuple, turn)))
     return flat, SphereScene(spheres=spheres, sphere_sphere=law, cell=cell, xi=0.5)
 
