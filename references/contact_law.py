@@ -1,9 +1,9 @@
-"""How far given contact forces are from a solution of a contact problem in the plane, from the law alone.
+"""How far given contact forces are from a solution of a contact problem in 2D or 3D, from the law alone.
 
 Bodies and contacts obey, with ``p >= 0`` pressing, ``u_n > 0`` opening and friction against the slip::
 
     M v = f + H r,     u = H' v + w     or, the bodies eliminated,     u = W r + q
-    0 <= p  complementary to  u_n >= 0,     |r_t| <= mu p,     mu p |u_t| + r_t u_t = 0
+    0 <= p  complementary to  u_n >= 0,     |r_t| <= mu p,     mu p |u_t| + r_t . u_t = 0
 
 which is Coulomb's law; under the associated rule ``u_n - mu |u_t|`` replaces u_n. (H as Siconos and FCLIB have it, a
 column for each contact force.) Nothing is solved here and nothing is taken from those who solve: a solution is judged by what it
@@ -46,7 +46,7 @@ class Errors(NamedTuple):
     opening : float
         Largest velocity into the contact, ``-u_n`` (``mu |u_t| - u_n`` under the associated rule), over ``F W_max``.
     slip : float
-        ``sum |mu p |u_t| + r_t u_t| / E``: friction that does not oppose slip, or is too weak for it.
+        ``sum |mu p |u_t| + r_t . u_t| / E``: friction that does not oppose slip, or is too weak for it.
     dynamics : float
         ``|M v - f - H r|`` over the larger one of ``|f|`` and ``|H r|``, in the norm of the inverse masses, or ``|u - H' v - w|`` and
         ``|u - W r - q|`` over the largest norm of their terms, whichever is worse.
@@ -84,11 +84,12 @@ def errors_of_forces(
 
     Parameters
     ----------
-    w : sparse or dense matrix, shape (2 c, 2 c)
-    q, r : array_like, 2 c numbers
-        Normal and tangential in turn.
+    w : sparse or dense matrix, shape (d c, d c)
+        d = 2 or 3 unknowns for each contact.
+    q, r : array_like, d c numbers
+        For each contact normal, then tangential.
     mu : array_like, shape (c,)
-    u : array_like, 2 c numbers, optional
+    u : array_like, d c numbers, optional
         Velocities that the solution claims; None: those of its forces.
     associated : bool
         The associated rule instead of Coulomb's law.
@@ -99,14 +100,14 @@ def errors_of_forces(
         If a shape does not fit.
     """
     matrix, b, forces, friction = _checked("W", w, q, mu, r)
-    if matrix.shape != (2 * len(friction),) * 2:
-        raise ValueError(f"W has shape {matrix.shape}; it must be {2 * len(friction)} square")
+    if matrix.shape != (b.size, b.size):
+        raise ValueError(f"W has shape {matrix.shape}; it must be {b.size} square")
     push = matrix @ forces.ravel()
-    noise = (abs(matrix) @ np.abs(forces.ravel())).reshape(-1, 2) + np.abs(b)
-    own = push.reshape(-1, 2) + b
-    claimed = own if u is None else _pairs("u", u, len(friction))
+    noise = (abs(matrix) @ np.abs(forces.ravel())).reshape(b.shape) + np.abs(b)
+    own = push.reshape(b.shape) + b
+    claimed = own if u is None else _by_contact("u", u, *b.shape)
     off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(push), np.linalg.norm(b), np.linalg.norm(claimed))
-    return _errors(b, push.reshape(-1, 2), matrix.diagonal(), friction, forces, claimed, off, noise, associated)
+    return _errors(b, push.reshape(b.shape), matrix.diagonal(), friction, forces, claimed, off, noise, associated)
 
 
 def errors_of_motion(
@@ -125,7 +126,7 @@ def errors_of_motion(
 
     Parameters
     ----------
-    m, h : sparse or dense matrix, shapes (n, n) and (n, 2 c)
+    m, h : sparse or dense matrix, shapes (n, n) and (n, d c)
         M symmetric and positive definite.
     f, v : array_like, n numbers
         Loads; velocities that the solution claims, None: those of its forces.
@@ -140,7 +141,7 @@ def errors_of_motion(
     turned, offset, forces, friction = _checked("H'", _sparse(h).T, w, mu, r)
     mass, load = _sparse(m), np.asarray(f, dtype=np.float64).ravel()
     n = len(load)
-    if mass.shape != (n, n) or turned.shape != (2 * len(friction), n):
+    if mass.shape != (n, n) or turned.shape != (offset.size, n):
         raise ValueError(f"M has shape {mass.shape} and H {turned.shape[::-1]}; f tells of {n} unknowns")
     pull = turned.T @ forces.ravel()
     if (mass - sp.diags_array(mass.diagonal())).count_nonzero():
@@ -161,13 +162,13 @@ def errors_of_motion(
         raise ValueError(f"v has {motion.size} numbers; it must have {n}")
     rest = motion - free - moved
     balance = _ratio(*(np.sqrt(abs(each @ (mass @ each))) for each in (rest, free, moved)))
-    b = (turned @ free).reshape(-1, 2) + offset
-    own = (turned @ motion).reshape(-1, 2) + offset
-    claimed = own if u is None else _pairs("u", u, len(friction))
-    push = (turned @ moved).reshape(-1, 2)
+    b = (turned @ free).reshape(offset.shape) + offset
+    own = (turned @ motion).reshape(offset.shape) + offset
+    claimed = own if u is None else _by_contact("u", u, *offset.shape)
+    push = (turned @ moved).reshape(offset.shape)
     # As by the forces alone: velocities of bodies at rest are what rounding leaves of these.
     off = _ratio(np.linalg.norm(claimed - own), np.linalg.norm(push), np.linalg.norm(b), np.linalg.norm(claimed))
-    noise = (abs(turned) @ (np.abs(free) + np.abs(moved))).reshape(-1, 2) + np.abs(offset)
+    noise = (abs(turned) @ (np.abs(free) + np.abs(moved))).reshape(offset.shape) + np.abs(offset)
     return _errors(b, push, diagonal, friction, forces, claimed, max(off, balance), noise, associated)
 
 
@@ -293,15 +294,17 @@ def _errors(
     if not (np.isfinite(r).all() and np.isfinite(u).all()):
         lost = np.inf if associated else np.nan
         return Errors(np.inf, np.inf, np.inf, np.inf, np.inf, np.inf, lost, 0.0)
-    pair = diagonal.reshape(-1, 2)
-    stiff = np.where(mu > 0.0, pair.max(axis=1), pair[:, 0])
-    p, q, slip = r[:, 0], r[:, 1], np.abs(u[:, 1])
-    slip = np.where(mu > 0.0, slip, 0.0)  # a smooth contact has no tangential law
+    stiffness = diagonal.reshape(b.shape)
+    stiff = np.where(mu > 0.0, stiffness.max(axis=1), stiffness[:, 0])
+    p, friction = r[:, 0], np.linalg.norm(r[:, 1:], axis=1)
+    slides = (mu > 0.0)[:, None]  # a smooth contact has no tangential law
+    u_t = np.where(slides, u[:, 1:], 0.0)
+    slip = np.linalg.norm(u_t, axis=1)
     starred = u[:, 0] + (0.0 if associated else mu * slip)
-    target = _nearest(p - starred / stiff, np.where(mu > 0.0, q - u[:, 1] / stiff, q * 0.0), mu)
-    alone = _nearest(-b[:, 0] / stiff, np.where(mu > 0.0, -b[:, 1] / stiff, 0.0), mu)
+    target = _nearest(p - starred / stiff, np.where(slides, r[:, 1:] - u_t / stiff[:, None], 0.0), mu)
+    alone = _nearest(-b[:, 0] / stiff, np.where(slides, -b[:, 1:] / stiff[:, None], 0.0), mu)
     size = max(float(np.linalg.norm(r)), float(np.linalg.norm(alone)))
-    force = max(float(np.abs(r).max()), float(np.hypot(*alone.T).max()))
+    force = max(float(np.abs(r).max()), float(np.linalg.norm(alone, axis=1).max()))
     work = max(abs(float((r * push).sum())), abs(float((b * r).sum())))
     room = u[:, 0] - (mu * slip if associated else 0.0)
     gained = (r * u).sum(axis=1)
@@ -315,9 +318,9 @@ def _errors(
     return Errors(
         natural_map=_ratio(np.linalg.norm(r - target), size),
         complementarity=_ratio(np.abs(product).sum(), work),
-        cone=_ratio(max(float((-p).max()), float((np.abs(q) - mu * np.maximum(p, 0.0)).max()), 0.0), force),
+        cone=_ratio(max(float((-p).max()), float((friction - mu * np.maximum(p, 0.0)).max()), 0.0), force),
         opening=_ratio(max(float((-room / stiff).max()), 0.0), force),
-        slip=0.0 if associated else _ratio(np.abs(mu * p * slip + np.where(mu > 0.0, q * u[:, 1], 0.0)).sum(), work),
+        slip=0.0 if associated else _ratio(np.abs(mu * p * slip + (r[:, 1:] * u_t).sum(axis=1)).sum(), work),
         dynamics=float(dynamics),
         duality_gap=gap,
         floor=min(max(_ratio(*each) for each in rounding), MOST_FLOOR),
@@ -325,14 +328,13 @@ def _errors(
 
 
 def _nearest(p: FloatArray, q: FloatArray, mu: FloatArray) -> FloatArray:
-    """The point of each cone nearest to (p, q): itself, or that on the ray towards q, or the tip."""
+    """The point of each cone nearest to (p, q), q of shape (c, d - 1): itself, or that on the ray towards q, or the tip."""
     # Distances are not compared: their squares do not see a small force beside a large velocity.
-    side = np.where(q < 0.0, -mu, mu)
-    along = np.maximum(p + side * q, 0.0) / (1.0 + side * side)
-    best = np.column_stack([along, side * along])
-    inside = (p >= 0.0) & (np.abs(q) <= mu * p)
-    best[inside] = np.column_stack([p, q])[inside]
-    return best
+    size = np.linalg.norm(q, axis=1)
+    along = np.maximum(p + mu * size, 0.0) / (1.0 + mu * mu)
+    towards = q / np.where(size > 0.0, size, 1.0)[:, None]
+    inside = (p >= 0.0) & (size <= mu * p)
+    return np.where(inside[:, None], np.column_stack([p, q]), np.column_stack([along, (mu * along)[:, None] * towards]))
 
 
 def _ratio(error: float | np.floating, *scales: float | np.floating) -> float:
@@ -347,11 +349,11 @@ def _sparse(value: Matrix) -> sp.csr_array:
     return sp.csr_array(value if sp.issparse(value) else np.atleast_2d(np.asarray(value, dtype=np.float64)))
 
 
-def _pairs(name: str, value: ArrayLike, c: int) -> FloatArray:
+def _by_contact(name: str, value: ArrayLike, c: int, d: int) -> FloatArray:
     array = np.asarray(value, dtype=np.float64)
-    if array.size != 2 * c:
-        raise ValueError(f"{name} has {array.size} numbers; it must have {2 * c}, two for each mu")
-    return array.reshape(c, 2)
+    if array.size != d * c:
+        raise ValueError(f"{name} has {array.size} numbers; it must have {d * c}, {d} for each mu")
+    return array.reshape(c, d)
 
 
 def _checked(
@@ -360,7 +362,8 @@ def _checked(
     friction = np.asarray(mu, dtype=np.float64).ravel()
     if not (friction >= 0.0).all():
         raise ValueError("mu must be >= 0")
-    found = _sparse(matrix)
+    found, c = _sparse(matrix), len(friction)
     if not np.isfinite(found.data).all():
         raise ValueError(f"{name} must be finite")
-    return found, _pairs("w or q", b, len(friction)), _pairs("r", r, len(friction)), friction
+    d = 3 if c and found.shape[0] == 3 * c else 2
+    return found, _by_contact("w or q", b, c, d), _by_contact("r", r, c, d), friction

@@ -1,7 +1,7 @@
-"""Contact problems in files: our own ``.npz``, Siconos' text (fc2d, gfc2d) and FCLIB's HDF5, distinguished by their content.
+"""Contact problems in files: our own ``.npz``, Siconos' text (fc2d, gfc2d, fc3d, gfc3d) and FCLIB's HDF5, distinguished by their content.
 
 All of them have the normal before the tangential unknown, ``u_n > 0`` opening and ``p >= 0`` pressing, as `ContactProblem` does.
-FCLIB and Siconos write ``u = W r + q`` (local, fc2d) or ``M v = f + H r``, ``u = H' v + w`` (global, gfc2d): their H is the
+FCLIB and Siconos write ``u = W r + q`` (local, fc2d, fc3d) or ``M v = f + H r``, ``u = H' v + w`` (global, gfc2d, gfc3d): their H is the
 transpose of ours, their q and w are our b and g. They leave units and the tangent's direction to the author; Siconos turns it the
 other way than we do.
 """
@@ -27,7 +27,7 @@ from ninedisk.core.cd.problem_text import TextProblem, parse, reduced_text, text
 from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.validate import finite, short_repr
 
-Form = Literal["npz", "fc2d", "fclib"]
+Form = Literal["npz", "fc2d", "fc3d", "fclib"]
 Problem = ContactProblem | DelassusProblem
 HDF5 = b"\x89HDF\r\n\x1a\n"
 INSTALL = "HDF5 files need h5py, which is not installed: pip install 'ninedisk[fclib]'"
@@ -71,10 +71,10 @@ class ProblemFile:
 
     Attributes
     ----------
-    form : {"npz", "fc2d", "fclib"}
+    form : {"npz", "fc2d", "fc3d", "fclib"}
     problem : ContactProblem or DelassusProblem
         With bodies, where the file has any that are rigid in the plane.
-    scale : ndarray, shape (c, 2)
+    scale : ndarray, shape (c, d)
         Forces of the file over those of ``problem``: another direction of the tangent, rows that are not of unit length.
     matrices : Reduced or Bodies or None
         The problem as other codes' files state it; None in our own.
@@ -90,7 +90,7 @@ class ProblemFile:
     source: TextProblem | bytes | None = None
 
     def answer_of(self, r: FloatArray, v: FloatArray | None = None) -> Answer:
-        """The solution that forces ``r``, shape (c, 2), of `problem` and the velocities v of its bodies are, as the file would state it."""
+        """The solution that forces ``r``, shape (c, d), of `problem` and the velocities v of its bodies are, as the file would state it."""
         forces = (self.scale * r).ravel()
         if isinstance(self.matrices, Bodies):
             from scipy.sparse.linalg import spsolve
@@ -142,7 +142,7 @@ def read_problem(path: str | os.PathLike[str]) -> ProblemFile:
     Raises
     ------
     InvalidSceneError
-        If the file is missing or damaged, holds something else, or a problem that is not of the plane.
+        If the file is missing or damaged, or holds something else.
     MissingH5pyError
     """
     try:
@@ -177,7 +177,7 @@ def write_problem(path: str | os.PathLike[str], problem: Problem, form: Form) ->
     content = io.BytesIO()
     if form == "npz":
         _write_npz(content, problem, None)
-    elif form == "fc2d":
+    elif form in ("fc2d", "fc3d"):
         text = text_of(reduced_text(*_reduced(problem)))
         content.write(text.encode())
     else:
@@ -193,9 +193,8 @@ def _reduced(problem: Problem) -> Reduced:
 
 
 def _of_matrices(form: Form, matrices: Reduced | Bodies, answer: Answer | None, source: Any) -> ProblemFile:
-    c = len(matrices.mu)
     problem: Problem
-    scale = np.ones((c, 2))
+    scale = np.ones_like(_by_contact(matrices))
     if isinstance(matrices, Bodies):
         m, h, f, w, mu = matrices
         try:
@@ -205,6 +204,13 @@ def _of_matrices(form: Form, matrices: Reduced | Bodies, answer: Answer | None, 
     else:
         problem = DelassusProblem(w=matrices.w, b=matrices.q, mu=matrices.mu)
     return ProblemFile(form=form, problem=problem, scale=scale, matrices=matrices, answer=answer, source=source)
+
+
+def _by_contact(matrices: Reduced | Bodies) -> FloatArray:
+    """``q`` or ``w``, shape (c, d)."""
+    part = matrices.q if isinstance(matrices, Reduced) else matrices.w
+    c = len(matrices.mu)
+    return part.reshape(c, part.size // c if c else 2)
 
 
 def _read_text(content: bytes) -> ProblemFile:
@@ -220,7 +226,7 @@ def _read_text(content: bytes) -> ProblemFile:
         assert found.b is not None
         matrices = Bodies(found.m.matrix, found.h.matrix, found.q, found.b, found.mu)
     answer = None if found.r is None or found.u is None else Answer(found.r, found.u)
-    return _of_matrices("fc2d", matrices, answer, found)
+    return _of_matrices("fc2d" if found.dimension == 2 else "fc3d", matrices, answer, found)
 
 
 def _read_npz(path: str | os.PathLike[str]) -> ProblemFile:
@@ -233,17 +239,20 @@ def _read_npz(path: str | os.PathLike[str]) -> ProblemFile:
         if missing:
             raise InvalidSceneError(f"it lacks {', '.join(missing)}")
         mu = friction("mu", data["mu"])
-        w = _compressed(
-            "W", [data[f"W_{name}"] for name in ("data", "indices", "indptr")], 2 * len(mu), 2 * len(mu), rows=True
-        )
+        size = len(data["W_indptr"]) - 1 if data["W_indptr"].ndim == 1 else 0
+        if len(mu) and size not in (2 * len(mu), 3 * len(mu)):
+            raise InvalidSceneError(
+                f"W has {size} rows; with {len(mu)} coefficients in mu it must have {2 * len(mu)} or {3 * len(mu)}"
+            )
+        w = _compressed("W", [data[f"W_{name}"] for name in ("data", "indices", "indptr")], size, size, rows=True)
         problem = DelassusProblem(w=w, b=data["q"], mu=mu)
-    c, answer = problem.n_contacts, None
+    answer = None
     if "solution_r" in data:
-        r, u = (finite(f"solution_{name}", data.get(f"solution_{name}", ()), (2 * c,)) for name in ("r", "u"))
+        r, u = (finite(f"solution_{name}", data.get(f"solution_{name}", ()), (problem.b.size,)) for name in ("r", "u"))
         v = data.get("solution_v")
         size = 3 * problem.n_bodies if isinstance(problem, ContactProblem) else 0
         answer = Answer(r, u, None if v is None else finite("solution_v", v, (size,)))
-    return ProblemFile(form="npz", problem=problem, scale=np.ones((c, 2)), matrices=None, answer=answer)
+    return ProblemFile(form="npz", problem=problem, scale=np.ones_like(problem.b), matrices=None, answer=answer)
 
 
 def _write_npz(stream: Any, problem: Problem, answer: Answer | None) -> None:
@@ -313,32 +322,32 @@ def _read_fclib(content: bytes) -> ProblemFile:
             raise InvalidSceneError(f"neither fclib_global nor fclib_local is in it, but {held}")
         group = file[kind]
         dimension = int(_array(group, "spacedim", "iu")[0])
-        if dimension != 2:
-            raise InvalidSceneError(f"spacedim = {dimension}: only contacts in the plane, 2, can be solved")
+        if dimension not in (2, 3):
+            raise InvalidSceneError(f"spacedim = {dimension} is not allowed: it must be 2 or 3")
         extra = [each for each in ("G", "V", "R") if each in group]
         if extra:
             raise InvalidSceneError(f"it has equality constraints ({', '.join(extra)}), which no solver here takes")
         mu = friction("mu", _array(group, "vectors/mu", "f"))
-        c = len(mu)
+        c, d = len(mu), dimension
         matrices: Reduced | Bodies
         if kind == "fclib_local":
             matrices = Reduced(_read_matrix(group, "W"), _array(group, "vectors/q", "f"), mu)
-            sizes = {"W": (matrices.w.shape, (2 * c, 2 * c)), "q": (matrices.q.shape, (2 * c,))}
+            sizes = {"W": (matrices.w.shape, (d * c, d * c)), "q": (matrices.q.shape, (d * c,))}
         else:
             vectors = [_array(group, f"vectors/{name}", "f") for name in ("f", "w")]
             matrices = Bodies(_read_matrix(group, "M"), _read_matrix(group, "H"), vectors[0], vectors[1], mu)
             n = len(matrices.f)
             sizes = {
                 "M": (matrices.m.shape, (n, n)),
-                "H": (matrices.h.shape, (n, 2 * c)),
-                "w": (matrices.w.shape, (2 * c,)),
+                "H": (matrices.h.shape, (n, d * c)),
+                "w": (matrices.w.shape, (d * c,)),
             }
         for name, (found, wanted) in sizes.items():
             if found != wanted:
                 raise InvalidSceneError(f"{name} has shape {found}; with {c} coefficients in mu it must have {wanted}")
         answer = None
         if "solution" in file:
-            r, u = (finite(name, _array(file, f"solution/{name}", "f"), (2 * c,)) for name in ("r", "u"))
+            r, u = (finite(name, _array(file, f"solution/{name}", "f"), (d * c,)) for name in ("r", "u"))
             v = (
                 finite("v", _array(file, "solution/v", "f"), (len(matrices.f),))
                 if isinstance(matrices, Bodies)
@@ -430,7 +439,7 @@ def _write_fclib(stream: io.BytesIO, problem: Problem) -> None:
             own = {name: getattr(problem, name) for name in _FIELDS} | {"resolution": np.array([problem.resolution])}
             _write_group(file, "ninedisk", own)
             _write_group(file, "ninedisk/notes", dict(problem.notes))
-        group["spacedim"] = np.array([2], dtype=np.int32)
+        group["spacedim"] = np.array([problem.b.shape[1]], dtype=np.int32)
         for name, matrix in matrices.items():
             entries = sp.coo_array(matrix)
             i, p = entries.coords

@@ -1,8 +1,8 @@
-"""Siconos' text files of contact problems in the plane: what they say, and the same text again.
+"""Siconos' text files of contact problems in 2D and 3D: what they say, and the same text again.
 
-``fc2d`` files hold ``u = W r + q`` (reduced), ``gfc2d`` files ``M v = q + H r, u = H' v + b`` (of bodies)::
+``fc2d`` and ``fc3d`` files hold ``u = W r + q`` (reduced), ``gfc2d`` and ``gfc3d`` files ``M v = q + H r, u = H' v + b`` (of bodies)::
 
-    dimension (2), contacts, [matrix], [matrix], q, [b,] mu
+    dimension (2 or 3), contacts, [matrix], [matrix], q, [b,] mu
 
 A matrix begins with its storage: 0 dense by columns, 1 sparse blocks, 2 sparse as CSparse prints it, to six digits. What comes after mu
 Siconos does not read; there the forces and velocities of a solution stand, in their own lines.
@@ -51,13 +51,17 @@ class TextMatrix:
 
 @dataclass(frozen=True)
 class TextProblem:
-    """Numbers of a file; ``h`` and ``b`` are None in a reduced problem, ``r`` and ``u``, shape (2 c,), where it has no solution."""
+    """Numbers of a file of dimension d; ``h`` and ``b`` are None in a reduced problem, ``r`` and ``u``, shape (d c,), where it has no
+    solution. ``flag`` is the single figure that some releases print after mu and none reads.
+    """
 
+    dimension: int
     m: TextMatrix
     h: TextMatrix | None
     q: FloatArray
     b: FloatArray | None
     mu: FloatArray
+    flag: str | None = None
     r: FloatArray | None = None
     u: FloatArray | None = None
 
@@ -73,10 +77,20 @@ class _Lines:
         return not any(line.strip() for line in self._lines[self.at :])
 
     def next(self, what: str) -> str:
-        if self.at >= len(self._lines):
-            raise InvalidSceneError(f"it ends after line {self.at}, where {what} must be")
-        self.at += 1
-        return self._lines[self.at - 1]
+        while self.at < len(self._lines):
+            self.at += 1
+            if self._lines[self.at - 1].strip():
+                return self._lines[self.at - 1]
+        raise InvalidSceneError(f"it ends after line {self.at}, where {what} must be")
+
+    def flag(self) -> str | None:
+        """A line of one figure without a point, if it comes next."""
+        rest = (line.strip() for line in self._lines[self.at :])
+        following = next((line for line in rest if line), "")
+        if not re.fullmatch(r"\d", following):
+            return None
+        self.next("a flag")
+        return following
 
     def wrong(self, what: str) -> InvalidSceneError:
         line = self._lines[self.at - 1] if 0 < self.at <= len(self._lines) else ""
@@ -89,22 +103,23 @@ class _Lines:
         return int(line)
 
     def wholes(self, what: str, count: int) -> list[int]:
-        words = self.next(what).split()
+        """``count`` whole numbers, over as many lines as they take."""
+        words: list[str] = []
+        while len(words) < count:
+            words += self.next(what).split()
         if len(words) != count or not all(w.isascii() and w.isdigit() and len(w) < 12 for w in words):
             raise self.wrong(f"{what}, {count} whole numbers")
         return [int(w) for w in words]
 
     def numbers(self, what: str, count: int) -> FloatArray:
-        """``count`` numbers, over as many lines as they take; none takes no more than an empty line."""
+        """``count`` numbers, over as many lines as they take."""
         found: list[float] = []
-        while not found or len(found) < count:
+        while len(found) < count:
             words = self.next(what).split()
             try:
                 found += [float(word) for word in words]
             except ValueError:
                 raise self.wrong(f"{what}, {count} numbers") from None
-            if count == 0:
-                break
         if len(found) != count:
             raise InvalidSceneError(f"{what} has {len(found)} numbers up to line {self.at}; it must have {count}")
         return np.array(found)
@@ -120,8 +135,6 @@ def parse(text: str) -> TextProblem:
     """
     lines = _Lines(text)
     dimension = lines.whole("the dimension", 2, 3)
-    if dimension != 2:
-        raise InvalidSceneError("its contacts have three dimensions; only those of the plane can be solved")
     c = lines.whole("the number of contacts")
     m = _read_matrix(lines, "M")
     n = m.matrix.shape[0]
@@ -133,39 +146,48 @@ def parse(text: str) -> TextProblem:
     lines.at = at
     if len(following) == 1 and following[0].isdigit():  # a storage; numbers of a vector are printed with points
         h = _read_matrix(lines, "H")
-    if (n if h is None else h.matrix.shape[1]) != 2 * c or (h is not None and h.matrix.shape[0] != n):
+    if (n if h is None else h.matrix.shape[1]) != dimension * c or (h is not None and h.matrix.shape[0] != n):
         shape = m.matrix.shape if h is None else h.matrix.shape
         raise InvalidSceneError(f"a matrix of shape {shape} does not go with {c} contacts and {n} unknowns")
-    q = lines.numbers("q", n)
-    b = None if h is None else lines.numbers("b", 2 * c)
+    b = None
+    if h is None:
+        q = lines.numbers("q", n)
+    else:  # some releases print both vectors in one line
+        q, b = np.split(lines.numbers("q and b", n + dimension * c), [n])
     mu = lines.numbers("mu", c)
+    flag = lines.flag()
     r = u = None
     if not lines.ended:
-        r, u = lines.numbers("r", 2 * c), lines.numbers("u", 2 * c)
+        r, u = (lines.numbers(name, dimension * c) for name in ("r", "u"))
         if not lines.ended:
             lines.next("")
             raise lines.wrong("the end")
-    return TextProblem(m, h, q, b, mu, r, u)
+    return TextProblem(dimension, m, h, q, b, mu, flag, r, u)
 
 
 def text_of(problem: TextProblem) -> str:
     """The problem as Siconos prints it, and its solution, if it has one."""
-    lines = ["2", str(len(problem.mu)), *_matrix_lines(problem.m)]
+    lines = [str(problem.dimension), str(len(problem.mu)), *_matrix_lines(problem.m)]
     if problem.h is not None:
         lines += _matrix_lines(problem.h)
-    vectors = (problem.q, problem.b, problem.mu, problem.r, problem.u)
-    return "\n".join([*lines, *(_line(vector) for vector in vectors if vector is not None), ""])
+    given, found = (problem.q, problem.b, problem.mu), (problem.r, problem.u)
+    lines += [_line(vector) for vector in given if vector is not None]
+    if problem.flag is not None:
+        lines.append(problem.flag)
+    return "\n".join([*lines, *(_line(vector) for vector in found if vector is not None), ""])
 
 
 def reduced_text(w: sp.csr_array, q: FloatArray, mu: FloatArray) -> TextProblem:
     """A problem in the storage that loses no digit and skips zeros, blocks."""
-    blocks = sp.bsr_array(w, blocksize=(2, 2)) if len(mu) else None
-    if blocks is None:
-        return TextProblem(TextMatrix(DENSE, sp.csr_array((0, 0)), (np.zeros((0, 0)),)), None, q.ravel(), None, mu)
+    c = len(mu)
+    if not c:
+        return TextProblem(2, TextMatrix(DENSE, sp.csr_array((0, 0)), (np.zeros((0, 0)),)), None, q.ravel(), None, mu)
+    dimension = w.shape[0] // c
+    blocks = sp.bsr_array(w, blocksize=(dimension, dimension))
     blocks.sort_indices()
-    ends = [2 * (k + 1) for k in range(len(mu))]
+    ends = [dimension * (k + 1) for k in range(c)]
     body = (ends, ends, blocks.indptr.tolist(), blocks.indices.tolist(), [block.T.ravel() for block in blocks.data])
-    return TextProblem(TextMatrix(BLOCKS, w, body), None, q.ravel(), None, mu)
+    return TextProblem(dimension, TextMatrix(BLOCKS, w, body), None, q.ravel(), None, mu)
 
 
 def _line(values: NDArray[np.float64]) -> str:

@@ -38,7 +38,8 @@ def solve(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="Our .npz, Siconos' text (fc2d, gfc2d) or FCLIB's HDF5, recognised by its content."
+            metavar="FILE",
+            help="Our .npz, Siconos' text (fc2d, gfc2d, fc3d, gfc3d) or FCLIB's HDF5, recognised by its content.",
         ),
     ],
     solver: Annotated[
@@ -64,6 +65,7 @@ def solve(
     Examples:
       ninedisk solve problem.npz
       ninedisk solve fc2d_granularflow.dat --tolerance 1e-6 --out solved.dat
+      ninedisk solve Capsules-i100-1090.dat --tolerance 1e-9
       ninedisk solve Chain.hdf5 --sliding associated --solver interior-point
       ninedisk solve solved.hdf5 --check
 
@@ -143,8 +145,9 @@ def _find_answer(
     found: ProblemFile, solver: str, options: SolverOptions, sliding: Sliding
 ) -> tuple[Answer | None, str]:
     """The answer and who found it; where a solver gave up, the best that it has, if any, and nobody."""
-    from ninedisk.core.cd.delassus import DelassusProblem, solve_matrix
+    from ninedisk.core.cd.delassus import DelassusProblem
     from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
+    from ninedisk.core.cd.solvers.matrix import solve_matrix
     from ninedisk.core.cd.solvers.solver import ContactSolver
     from ninedisk.core.errors import SolverNotConvergedError
 
@@ -153,7 +156,8 @@ def _find_answer(
         raise _no_contacts()
     if isinstance(problem, DelassusProblem):
         best = solve_matrix(problem, options, sliding=sliding)
-        return found.answer_of(best.r), f"gauss-seidel and statuses, {best.iterations} iterations, {best.seconds:.3g} s"
+        how = "gauss-seidel and statuses" if problem.dimension == 2 else "sweeps, interior point and statuses"
+        return found.answer_of(best.r), f"{how}, {best.iterations} iterations, {best.seconds:.3g} s"
     try:
         result = ContactSolver(solver, options, sliding).solve(problem)
     except (SolverNotConvergedError, InfeasibleContactsError) as error:
@@ -175,7 +179,11 @@ def _describe(found: ProblemFile) -> None:
     from ninedisk.core.cd.delassus import DelassusProblem
 
     problem = found.problem
-    kind = "a matrix" if isinstance(problem, DelassusProblem) else f"{problem.n_bodies} bodies"
+    kind = (
+        f"a matrix in {problem.dimension}D"
+        if isinstance(problem, DelassusProblem)
+        else f"{problem.n_bodies} bodies in 2D"
+    )
     mu = f", mu {problem.mu.min():g} to {problem.mu.max():g}" if problem.n_contacts else ""
     console().print(f"{found.form}: {problem.n_contacts} contacts of {kind}{mu}")
 

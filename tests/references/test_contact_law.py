@@ -86,6 +86,28 @@ def test_a_planted_mistake_shows_where_it_belongs(name):
         assert not errors.solved(4e-3)
 
 
+def test_in_space_friction_opposes_slip_in_its_plane():
+    """One contact with W = 1: b_t = (3, 4), p = 2, so that friction of size 1 stands against the slip of size 4, along -(3, 4)/5."""
+    b, right = np.array([-2.0, 3.0, 4.0]), np.array([2.0, -0.6, -0.8])
+    exact = errors_of_forces(np.eye(3), b, [0.5], right)
+    assert exact.worst < 1e-15
+    assert exact.slip < 1e-15
+    # Turned by an angle a: mu p |u_t| + q . u_t = 5 (1 - cos a) beside |u_t|, near 4, and E = b . r = 9; the natural map turns with it.
+    for angle in (1e-3, 0.5, np.pi):
+        cos, sin = np.cos(angle), np.sin(angle)
+        q = np.array([[cos, -sin], [sin, cos]]) @ right[1:]
+        errors = errors_of_forces(np.eye(3), b, [0.5], [2.0, *q])
+        u_t = np.linalg.norm(b[1:] + q)
+        work = max(abs(b @ [2.0, *q]), 4.0 + 1.0)
+        assert errors.slip == pytest.approx(abs(u_t + q @ (b[1:] + q)) / work)
+        assert errors.natural_map > 0.1 * angle
+    # The associated rule opens the contact: u = (mu, -t) kappa.
+    assert errors_of_forces(np.eye(3), b, [0.5], right, associated=True).worst > 0.1
+    p = (2.0 + 0.5 * 5.0) / 1.25
+    rule = errors_of_forces(np.eye(3), b, [0.5], [p, -0.3 * p, -0.4 * p], associated=True)
+    assert rule.worst < 1e-15
+
+
 def test_errors_have_no_units():
     r = changed(R, _0=10.1)
     for force, speed in ((1e-9, 1.0), (1e12, 1e-6)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.problem import Residuals, Sliding
@@ -83,3 +83,12 @@ def not_converged(
         residuals=figures,
         forces=forces,
     )
+
+
+class MatrixSolution(NamedTuple):
+    """Best forces ``r`` that were found, shape (c, d), their natural map, sweeps and changes of statuses, and the seconds it took."""
+
+    r: FloatArray
+    natural_map: float
+    iterations: int
+    seconds: float

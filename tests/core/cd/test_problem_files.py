@@ -11,11 +11,12 @@ import problems
 import pytest
 import scipy.sparse as sp
 
-from ninedisk.core.cd.delassus import DelassusProblem, bodies_of, solve_matrix
+from ninedisk.core.cd.delassus import DelassusProblem, bodies_of
 from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.problem_files import Answer, Bodies, MissingH5pyError, read_problem, write_problem
 from ninedisk.core.cd.problem_text import COLUMNS, DENSE, ROWS, SPARSE, TRIPLET, TextMatrix, TextProblem, parse, text_of
 from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.matrix import solve_matrix
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import InvalidSceneError
 
@@ -78,7 +79,7 @@ W = np.array([[2.0, 0.5, 0.0, 0.25], [0.75, 3.0, 0.0, 0.0], [0.0, 0.0, 2.0, 0.0]
 @pytest.mark.parametrize("origin", [None, TRIPLET, COLUMNS, ROWS])
 def test_every_storage_of_siconos_is_the_same_matrix(origin):
     w = TextMatrix(DENSE, sp.csr_array(W), (W,)) if origin is None else sparse_text(origin, W)
-    problem = TextProblem(w, None, np.arange(4.0), None, np.array([0.5, 0.25]))
+    problem = TextProblem(2, w, None, np.arange(4.0), None, np.array([0.5, 0.25]))
     text = text_of(problem)
     found = parse(text)
     np.testing.assert_array_equal(found.m.matrix.toarray(), W)
@@ -86,6 +87,63 @@ def test_every_storage_of_siconos_is_the_same_matrix(origin):
     assert text_of(found) == text
     if origin is None:  # the file's own numbers, by columns, 24 digits
         assert text.splitlines()[5:7] == ["4\t4", "".join(f"{x:32.24e} " for x in (2.0, 0.75, 0.0, 0.25))]
+
+
+W_3 = np.diag([2.0, 3.0, 4.0, 5.0, 6.0, 7.0]) + 0.25 * np.eye(6, k=3) + 0.5 * np.eye(6, k=-3)
+
+
+@pytest.mark.parametrize("form", ["npz", "fc3d", "fclib"])
+def test_a_problem_in_space_is_the_same_in_every_form(form, tmp_path):
+    problem = DelassusProblem(w=W_3, b=np.arange(6.0), mu=[0.5, 0.25])
+    write_problem(tmp_path / "a", problem, form)
+    found = read_problem(tmp_path / "a")
+    assert (found.form, found.problem.dimension) == (form, 3)
+    np.testing.assert_array_equal(found.problem.w.toarray(), W_3)
+    np.testing.assert_array_equal(found.problem.b, np.arange(6.0).reshape(2, 3))
+    answer = found.answer_of(np.ones((2, 3)))
+    np.testing.assert_allclose(answer.u, W_3.sum(axis=1) + np.arange(6.0))
+    replace(found, answer=answer).save(tmp_path / "b")
+    again = read_problem(tmp_path / "b")
+    np.testing.assert_array_equal(again.answer.u, answer.u)
+    np.testing.assert_array_equal(again.problem.w.toarray(), W_3)
+
+
+def test_bodies_in_space_are_eliminated(tmp_path):
+    """FCLIB's global form and Siconos' gfc3d, mass matrix with blocks."""
+    rng = np.random.default_rng(2)
+    factor, h = rng.normal(size=(7, 7)), rng.normal(size=(6, 7))
+    m, f, g = factor @ factor.T + np.eye(7), rng.normal(size=7), rng.normal(size=(2, 3))
+    dense = (TextMatrix(DENSE, sp.csr_array(each), (each,)) for each in (m, h.T))
+    text = text_of(TextProblem(3, *dense, f, g.ravel(), np.array([0.5, 0.25])))
+    (tmp_path / "p").write_text(text, encoding="ascii")
+    found = read_problem(tmp_path / "p")
+    assert isinstance(found.problem, DelassusProblem)
+    np.testing.assert_allclose(found.problem.w.toarray(), h @ np.linalg.solve(m, h.T), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(found.problem.b, (h @ np.linalg.solve(m, f)).reshape(2, 3) + g, rtol=1e-10)
+
+
+def test_texts_of_other_releases_are_read():
+    """Blank lines, sizes below each other, vectors in one line, and a single figure after mu, which is kept."""
+    wanted = parse(TEXT)
+    lines = TEXT.splitlines()
+    spread = "\n\n".join([*lines[:5], "4", "4", *lines[6:], "0"]) + "\n"
+    found = parse(spread)
+    assert found.flag == "0"
+    for mine, theirs in (
+        (found.m.matrix.toarray(), wanted.m.matrix.toarray()),
+        (found.q, wanted.q),
+        (found.mu, wanted.mu),
+    ):
+        np.testing.assert_array_equal(mine, theirs)
+    assert parse(text_of(found)).flag == "0"
+    solved = replace(found, r=np.ones(4), u=np.zeros(4))
+    np.testing.assert_array_equal(parse(text_of(solved)).r, np.ones(4))
+    h = TextMatrix(DENSE, sp.csr_array(W), (W,))
+    bodies = TextProblem(2, h, h, np.arange(4.0), 5.0 + np.arange(4.0), np.array([0.5, 0.25]))
+    lines = text_of(bodies).splitlines()
+    joined = parse("\n".join([*lines[:-3], lines[-3] + lines[-2], lines[-1], ""]))
+    np.testing.assert_array_equal(joined.q, bodies.q)
+    np.testing.assert_array_equal(joined.b, bodies.b)
 
 
 def test_bodies_are_found_behind_rows_of_any_length_and_either_tangent():
@@ -126,7 +184,9 @@ def test_a_matrix_alone_is_solved_as_its_bodies_are(kind, sliding):
     matrix = DelassusProblem(w=problem.delassus(), b=problem.b, mu=problem.mu)
     found = solve_matrix(matrix, SolverOptions(tolerance=1e-11), sliding=sliding)
     assert measure(problem, problem.body_velocity(found.r), found.r, sliding=sliding).natural_map <= 2e-11
-    np.testing.assert_allclose(matrix.blocks, problem.blocks, rtol=1e-13, atol=1e-13)
+    n, t, across = matrix.blocks[:, 0, 0], matrix.blocks[:, 1, 1], matrix.blocks[:, 0, 1]
+    np.testing.assert_allclose(np.column_stack([n, across, t]), problem.blocks, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(matrix.blocks[:, 1, 0], across, atol=1e-13)
     np.testing.assert_allclose(matrix.rho, problem.rho, rtol=1e-13)
 
 
@@ -156,7 +216,14 @@ def put(file, name, value):
     ("change", "said"),
     [
         (lambda file: file.move("fclib_local", "else"), "neither fclib_global nor fclib_local is in it, but 'else'"),
-        (lambda file: put(file, "fclib_local/spacedim", np.array([3])), "spacedim = 3: only contacts in the plane"),
+        (
+            lambda file: put(file, "fclib_local/spacedim", np.array([4])),
+            "spacedim = 4 is not allowed: it must be 2 or 3",
+        ),
+        (
+            lambda file: put(file, "fclib_local/spacedim", np.array([3])),
+            r"W has shape \(4, 4\); with 2 .* must have \(6, 6\)",
+        ),
         (lambda file: file.create_group("fclib_local/V"), "equality constraints"),
         (lambda file: put(file, "fclib_local/W/i", np.full(9, 7)), "W has a triplet outside its shape"),
         (lambda file: put(file, "fclib_local/W/nz", np.array([-2])), "W is no matrix in compressed rows"),
@@ -188,14 +255,17 @@ def test_what_our_own_group_says_is_what_the_matrices_say(tmp_path):
     assert isinstance(read_problem(path).problem, ContactProblem)
 
 
-TEXT = text_of(TextProblem(TextMatrix(DENSE, sp.csr_array(W), (W,)), None, np.arange(4.0), None, np.array([0.5, 0.25])))
+TEXT = text_of(
+    TextProblem(2, TextMatrix(DENSE, sp.csr_array(W), (W,)), None, np.arange(4.0), None, np.array([0.5, 0.25]))
+)
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("", "it ends after line 0, where the dimension must be"),
-        ("3" + TEXT[1:], "three dimensions"),
+        ("4" + TEXT[1:], "line 1 must be the dimension, a whole number 2 .. 3"),
+        ("3" + TEXT[1:], "a matrix of shape .4, 4. does not go with 2 contacts"),
         (TEXT.replace("2\n2\n", "2\n3\n", 1), "a matrix of shape .4, 4. does not go with 3 contacts"),
         (TEXT.replace("4\t4", "4\t5"), "line 6 must be the sizes of M again"),
         (TEXT.replace("2.5", "2.x", 1), "line 7 must be M, 16 numbers"),

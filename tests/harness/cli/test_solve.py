@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem import ContactProblem
 from ninedisk.core.cd.problem_files import Form, read_problem, write_problem
 from ninedisk.harness.cli.app import app
@@ -66,6 +67,39 @@ def test_planted_wrong_answers_are_refused(form: Form, planted: str, tmp_path: P
     done = ninedisk("solve", tmp_path / "wrong", "--check")
     assert done.exit_code == 1, done.output
     assert "NOT solved" in done.stdout
+
+
+# Three contacts of one body in space: one slips, one sticks, one opens.
+SPACE = DelassusProblem(
+    w=np.kron(np.array([[2.0, 0.5, 0.25], [0.5, 3.0, 0.5], [0.25, 0.5, 4.0]]), np.eye(3)) + 0.1 * np.eye(9),
+    b=[[-3.0, 4.0, 1.0], [-2.0, 0.1, 0.2], [5.0, 1.0, 0.0]],
+    mu=[0.3, 0.7, 0.5],
+)
+
+
+@pytest.mark.parametrize("sliding", ["coulomb", "associated"])
+@pytest.mark.parametrize("form", ["npz", "fc3d", "fclib"])
+def test_a_problem_in_space_is_solved_and_wrong_answers_are_refused(form: Form, sliding: str, tmp_path: Path) -> None:
+    write_problem(tmp_path / "p", SPACE, form)
+    done = ninedisk("solve", tmp_path / "p", "--sliding", sliding, "--tolerance", "1e-11", "--out", tmp_path / "s")
+    assert done.exit_code == 0, done.output
+    assert "3 contacts of a matrix in 3D" in done.stdout
+    assert ninedisk("solve", tmp_path / "s", "--check", "--sliding", sliding).exit_code == 0
+    found = read_problem(tmp_path / "s")
+    assert found.answer is not None
+    r = found.answer.r.reshape(3, 3)
+    assert np.hypot(*r[0, 1:]) == pytest.approx(0.3 * r[0, 0])
+    assert np.hypot(*r[1, 1:]) < 0.69 * r[1, 0]
+    assert (r[2] == 0.0).all()
+    for fault in (
+        r * [[1, np.cos(1e-5), np.cos(1e-5)]] + [[0.0, 1e-5 * r[0, 2], -1e-5 * r[0, 1]]] * np.eye(3)[0][:, None],
+        r * [[1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]],
+        r - np.array([[0.0] * 3, [0.0] * 3, [0.01, 0.0, 0.0]]),
+        r * (1.0 + 1e-6),
+    ):
+        replace(found, answer=found.answer._replace(r=fault.ravel())).save(tmp_path / "wrong")
+        refused = ninedisk("solve", tmp_path / "wrong", "--check", "--sliding", sliding)
+        assert refused.exit_code == 1, refused.output
 
 
 def test_what_no_forces_can_hold_apart_is_not_solved(tmp_path: Path) -> None:
