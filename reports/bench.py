@@ -19,6 +19,7 @@ SUITES = {
     "spheres": "Many spheres, Hertz-Mindlin",
     "cd": "Contact solvers on packings at rest",
     "coulomb": "The open set of contact problems: who solves what",
+    "coulomb3d": "Contact problems in space: who solves what",
     "flow": "Rigid disks in motion: time per simulated second beside the penetration",
     "harness": "The whole verification run",
 }
@@ -40,7 +41,7 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         File to write.
     """
     rows: Sequence[Row] = record["rows"]
-    raced = races(rows)
+    raced = {suite: races(rows, suite) for suite in ("coulomb", "coulomb3d")}
     env = pages.environment()
     page = env.get_template("bench.html").render(
         record=record,
@@ -49,7 +50,11 @@ def write_bench(record: Mapping[str, Any], path: Path) -> None:
         titles=SUITES,
         checks={name: _checks(rows, name) for name in SUITES},
         figures={name: [on_page(chart) for chart in charts(rows, name)] for name in SUITES}
-        | {each.rule: [on_page(chart) for chart in each.charts] for each in raced},
+        | {
+            f"{suite}/{each.rule}": [on_page(chart) for chart in each.charts]
+            for suite, its in raced.items()
+            for each in its
+        },
         races=raced,
         sizes=max((row["disks"] for row in rows if row["suite"] == "coulomb"), default=0),
         target=TARGET,

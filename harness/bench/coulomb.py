@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.settings import SolverOptions
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
@@ -36,7 +37,7 @@ from ninedisk.harness.engines.siconos.adapter import INSTALL, installed_siconos
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.run.isolation import run_isolated
 from ninedisk.references import contact_law
-from ninedisk.references.contact_law import Errors, errors_of_motion, planar_bodies
+from ninedisk.references.contact_law import Errors, errors_of_forces, errors_of_motion, planar_bodies
 
 FloatArray = NDArray[np.float64]
 SIZES, LARGE = (10, 30, 100), (300, 1_000, 3_000)
@@ -58,7 +59,7 @@ BASE: dict[Sliding, str] = {"coulomb": "ninedisk", "associated": "ninedisk, asso
 
 @dataclass(frozen=True)
 class Attempt:
-    """An answer to one tolerance of the solver's own: forces, shape (c, 2), its cost, and whether the solver calls it solved."""
+    """An answer to one tolerance of the solver's own: forces, shape (c, d), its cost, and whether the solver calls it solved."""
 
     own: float
     r: FloatArray
@@ -80,7 +81,7 @@ class Climb:
 class Job:
     """A problem, its file, and own tolerances to be tried in turn until an answer meets ``until``."""
 
-    problem: ContactProblem
+    problem: ContactProblem | DelassusProblem
     file: Path
     tolerances: tuple[float, ...]
     until: float
@@ -107,19 +108,24 @@ def racers() -> list[Racer]:
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
         Racer(BASE["coulomb"], "coulomb", partial(_own_solver, "coulomb"), own),
-        Racer("siconos nsgs", "coulomb", partial(_siconos, "NSGS"), siconos, matrix="sparse blocks of 2 x 2"),
+        Racer("siconos nsgs", "coulomb", partial(siconos_climbs, "NSGS", 2), siconos, matrix="sparse blocks of 2 x 2"),
         # A direct method: its tolerance judges the answer and does not change it.
-        Racer("siconos lemke", "coulomb", partial(_siconos, "LEMKE"), siconos, (1e-12,), DENSE, "dense matrix"),
-        Racer("siconos cpg", "coulomb", partial(_siconos, "CPG"), siconos, LADDER, DENSE, "dense matrix"),
+        Racer(
+            "siconos lemke", "coulomb", partial(siconos_climbs, "LEMKE", 2), siconos, (1e-12,), DENSE, "dense matrix"
+        ),
+        Racer("siconos cpg", "coulomb", partial(siconos_climbs, "CPG", 2), siconos, LADDER, DENSE, "dense matrix"),
         Racer(BASE["associated"], "associated", partial(_own_solver, "associated"), own),
         *(Racer(name, "associated", partial(_quadratic, name), version) for name, version in qp.items()),
     ]
 
 
-def judge(problem: ContactProblem, r: FloatArray, sliding: Sliding) -> Errors:
-    """Errors of contact forces r, shape (c, 2), and the motion that they make, from the law and the bodies alone."""
+def judge(problem: ContactProblem | DelassusProblem, r: FloatArray, sliding: Sliding) -> Errors:
+    """Errors of contact forces r, shape (c, d), and the motion that they make, from the law and the bodies alone."""
     if not np.isfinite(r).all():  # nothing can be multiplied by them
         r = np.full(r.shape, np.inf)
+    if isinstance(problem, DelassusProblem):
+        with np.errstate(invalid="ignore", over="ignore"):
+            return errors_of_forces(problem.w, problem.b, problem.mu, r, associated=sliding == "associated")
     names = ("mass", "force", "bodies", "normal", "arms", "offset", "compliance", "shear_0")
     planar = planar_bodies(**{name: getattr(problem, name) for name in names})
     with np.errstate(invalid="ignore", over="ignore"):
@@ -132,6 +138,8 @@ def _own_solver(sliding: Sliding, jobs: Sequence[Job], limit: float) -> list[Cli
 
 def _climb_own_solver(sliding: Sliding, job: Job, limit: float) -> Climb:
     found: list[Attempt] = []
+    if isinstance(job.problem, DelassusProblem):
+        raise TypeError("a problem of bodies is needed")
     for tolerance in job.tolerances:
         begin = time.perf_counter()
         try:
@@ -151,7 +159,13 @@ def _climb_own_solver(sliding: Sliding, job: Job, limit: float) -> Climb:
     return Climb(tuple(found))
 
 
-def _siconos(name: str, jobs: Sequence[Job], limit: float) -> list[Climb]:
+def siconos_climbs(name: str, dimension: int, jobs: Sequence[Job], limit: float) -> list[Climb]:
+    """Climbs of a solver of Siconos in 2D or 3D, by its name there.
+
+    Raises
+    ------
+    EngineNotInstalledError
+    """
     version, reason = installed_siconos(SYSTEM_PYTHON)
     if version is None:
         raise EngineNotInstalledError(f"Siconos is not installed ({reason}): {INSTALL}")
@@ -163,10 +177,17 @@ def _siconos(name: str, jobs: Sequence[Job], limit: float) -> list[Climb]:
         here they often have the answer and go on.
         """
         fit = int(limit / (SICONOS_SWEEP * c if name == "NSGS" else DENSE_ENTRY * (2 * c) ** 2))
+        if dimension == 3 and name != "NSGS":
+            return 1_000  # iterations with a factorisation; what takes longer than its limit is stopped
         return max(1_000, min(fit, 100 * c) if name == "CPG" else fit)
 
     requests = [
-        {**_request(job, 2.0 * limit, "coulomb"), "solver": name, "max_iterations": most(job.problem.n_contacts)}
+        {
+            **_request(job, 2.0 * limit, "coulomb"),
+            "solver": name,
+            "dimension": dimension,
+            "max_iterations": most(job.problem.n_contacts),
+        }
         for job in jobs
     ]
     return _ask_driver(system_python(str(DRIVERS / "siconos_bench.py"), "--race"), requests, clean_environment())
@@ -254,22 +275,36 @@ def run_state(
     for problem in problems:
         _ = problem.b, problem.rho, problem.blocks  # made once, by nobody's clock
     _warm_up(racers)
+    given = [Given(problem, *each) for problem, each in zip(problems, kept, strict=True)]
+    yield race("coulomb", given, racers, repeats=repeats, time_limit=time_limit, notify=notify)
+
+
+@dataclass(frozen=True)
+class Given:
+    """A problem, the file that drivers read, and what is known of it: ``file``, ``disks``, ``sha256``."""
+
+    problem: ContactProblem | DelassusProblem
+    file: Path
+    facts: dict[str, Any]
+
+
+def race(
+    suite: str, given: Sequence[Given], racers: Sequence[Racer], *, repeats: int, time_limit: float, notify: Reporter
+) -> list[Row]:
+    """One row for each problem, solver and target; repeats are interleaved."""
     judged: dict[str, list[_Judged]] = {}
     seconds: dict[tuple[str, int, float], list[float]] = {}
     for repeat in range(repeats):
         for racer in racers:
             notify(f"{racer.name}, repeat {repeat + 1} of {repeats}")
             if repeat == 0:
-                whole = [
-                    Job(problem, file, racer.ladder, TOLERANCES[-1])
-                    for problem, (file, _) in zip(problems, kept, strict=True)
-                ]
+                whole = [Job(each.problem, each.file, racer.ladder, TOLERANCES[-1]) for each in given]
                 judged[racer.name] = _first(racer, whole, time_limit)
             needed = [_needed_tolerances(its, time_limit) for its in judged[racer.name]]
             again = {k: its.climb for k, its in enumerate(judged[racer.name])}
             if repeat:  # the same answers, for their times alone
                 jobs = {
-                    k: Job(problems[k], kept[k][0], tuple(sorted(set(rungs.values()), reverse=True)), 0.0)
+                    k: Job(given[k].problem, given[k].file, tuple(sorted(set(rungs.values()), reverse=True)), 0.0)
                     for k, rungs in enumerate(needed)
                     if rungs
                 }
@@ -279,9 +314,9 @@ def run_state(
                 for target, own in needed[k].items():
                     if own in times:
                         seconds.setdefault((racer.name, k, target), []).append(times[own])
-    yield [
-        _row(problem, kept[k][1], racer, judged[racer.name][k], seconds, k, target, time_limit)
-        for k, problem in enumerate(problems)
+    return [
+        _row(suite, each, racer, judged[racer.name][k], seconds, k, target, time_limit)
+        for k, each in enumerate(given)
         for racer in racers
         for target in TOLERANCES
     ]
@@ -327,8 +362,8 @@ def _warm_up(racers: Sequence[Racer]) -> None:
 
 
 def _row(
-    problem: ContactProblem,
-    given: dict[str, Any],
+    suite: str,
+    given: Given,
     racer: Racer,
     its: _Judged,
     seconds: dict[tuple[str, int, float], list[float]],
@@ -337,13 +372,13 @@ def _row(
     limit: float,
 ) -> Row:
     row: Row = {
-        "suite": "coulomb",
-        "problem": Path(given["file"]).stem,
+        "suite": suite,
+        "problem": Path(given.facts["file"]).stem,
         "engine": racer.name,
         "engine_version": racer.version,
         "threads": 1,
-        "disks": given["disks"],
-        "contacts": problem.n_contacts,
+        "disks": given.facts["disks"],
+        "contacts": given.problem.n_contacts,
         "start": racer.sliding,
         "tolerance": target,
         "check": f"largest error of the forces found, from the law alone ({racer.sliding} rule)",
@@ -353,7 +388,7 @@ def _row(
     met = its.first(target, limit)
     # Of answers that miss the target: the best one.
     shown = met if met is not None else min(range(len(errors)), key=lambda k: errors[k].worst, default=None)
-    more: dict[str, Any] = {"problem sha256": given["sha256"], "time limit [s]": limit}
+    more: dict[str, Any] = {"problem sha256": given.facts["sha256"], "time limit [s]": limit}
     if racer.matrix:
         more["matrix"] = racer.matrix
     if shown is not None:

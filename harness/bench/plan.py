@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Protocol
 
 from ninedisk.harness.api.engine import Engine
@@ -12,7 +13,7 @@ from ninedisk.harness.results.schema import Row
 
 TIME_LIMIT, USUAL_REPEATS = 120.0, 5
 """Of one engine on one problem, where nothing else is asked for."""
-TIME_LIMITS, REPEATS = {"coulomb": 2.0}, {"coulomb": 2}
+TIME_LIMITS, REPEATS = {"coulomb": 2.0, "coulomb3d": 5.0}, {"coulomb": 2, "coulomb3d": 3}
 """Of suites with many small problems; here of one answer."""
 Wanted = Callable[[str], bool]
 
@@ -29,7 +30,7 @@ class ProgressReporter(Protocol):
 class Request:
     """What is to be measured; ``sizes`` empty, ``repeats`` or ``time_limit`` None: the usual ones.
 
-    ``brought`` are engines that no registry knows, for flows.
+    ``brought`` are engines that no registry knows, for flows. ``files`` is the folder of the problems of the suite coulomb3d.
     """
 
     suites: tuple[str, ...]
@@ -40,11 +41,20 @@ class Request:
     repeats: int | None
     time_limit: float | None
     brought: tuple[Engine, ...] = ()
+    files: Path | None = None
 
 
 def run_suites(request: Request, notify: ProgressReporter) -> Iterator[list[Row]]:
     """Rows of all suites of the request, as soon as those measured together are complete."""
-    suites = {"dem": _dem, "spheres": _spheres, "cd": _cd, "coulomb": _coulomb, "flow": _flow, "harness": _harness}
+    suites = {
+        "dem": _dem,
+        "spheres": _spheres,
+        "cd": _cd,
+        "coulomb": _coulomb,
+        "coulomb3d": _coulomb3d,
+        "flow": _flow,
+        "harness": _harness,
+    }
     for suite in request.suites:
         problems = suites[suite](request, partial(notify, "settling a packing"))
         for k, (name, measure) in enumerate(problems.items()):
@@ -118,6 +128,21 @@ def _coulomb(request: Request, _: Progress) -> dict[str, Measure]:
     bases = set(coulomb.BASE.values())
     chosen = [each for each in coulomb.racers() if each.name in bases or request.engine_wanted(each.name)]
     return {name: partial(coulomb.run_state, *state, chosen) for name, state in wanted.items()}
+
+
+def _coulomb3d(request: Request, _: Progress) -> dict[str, Measure]:
+    from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.bench import coulomb3d
+    from ninedisk.harness.bench.coulomb import BASE
+
+    if request.files is None:
+        raise UsageError("the suite coulomb3d solves problems out of files: add --files FOLDER")
+    files = {
+        name: path for name, path in coulomb3d.problem_files(request.files).items() if request.problem_wanted(name)
+    }
+    base = BASE["coulomb"]
+    chosen = [each for each in coulomb3d.racers() if each.name == base or request.engine_wanted(each.name)]
+    return {name: partial(coulomb3d.run_file, path, chosen) for name, path in files.items()}
 
 
 def _flow(request: Request, progress: Progress) -> dict[str, Measure]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from ninedisk.harness.terminal import console, table
 BENCH_VERSION = 7
 
 COLUMNS: dict[str, str] = {
-    "suite": "string",  # dem | spheres | cd | coulomb | flow | harness
+    "suite": "string",  # dem | spheres | cd | coulomb | coulomb3d | flow | harness
     "problem": "string",
     "engine": "string",
     "engine_version": "string",
@@ -132,15 +133,17 @@ def _plain_value(value: Any) -> Any:
 
 
 MAX_REASON = 200
+RACES, TIMED = ("coulomb", "coulomb3d"), 1e-6
+"""Suites of many contact problems, and the target whose times are printed."""
 
 
 def print_rows(rows: Sequence[Row], paths: Sequence[Path]) -> None:
     """Print a line for each row: median, spread, ratio to the base; then why others have no time, and the files."""
     out = console()
-    raced = [row for row in rows if row["suite"] == "coulomb"]
-    if raced:
-        _show_race(raced)
-    rows = [row for row in rows if row["suite"] != "coulomb"]
+    for suite in RACES:
+        if raced := [row for row in rows if row["suite"] == suite]:
+            _show_race(raced, suite)
+    rows = [row for row in rows if row["suite"] not in RACES]
     suites = list(dict.fromkeys(row["suite"] for row in rows))
     for suite in suites:
         chosen = [row for row in rows if row["suite"] == suite]
@@ -173,18 +176,25 @@ def print_rows(rows: Sequence[Row], paths: Sequence[Path]) -> None:
         out.print(f"written: {path}")
 
 
-def _show_race(rows: Sequence[Row]) -> None:
-    """Print how many problems each solver solves to each tolerance; there are too many rows to print."""
+def _show_race(rows: Sequence[Row], suite: str) -> None:
+    """Print how many problems each solver solves to each tolerance, and its median time; there are too many rows to print."""
     out = console()
     targets = sorted({row["tolerance"] for row in rows}, reverse=True)
     names = [f"{target:g}" for target in targets]
-    shown = table("rule", "solver", *names, "problems", right=(*names, "problems"))
+    median = f"median s to {TIMED:g}"
+    shown = table("rule", "solver", *names, median, "problems", right=(*names, median, "problems"))
     for rule, engine in dict.fromkeys((row["start"], row["engine"]) for row in rows):
         own = [row for row in rows if (row["start"], row["engine"]) == (rule, engine)]
         count = len({row["problem"] for row in own})
         solved = [sum(row["status"] == "pass" for row in own if row["tolerance"] == target) for target in targets]
-        shown.add_row(rule, engine, *(f"{100.0 * each / count:.1f} %" for each in solved), str(count))
-    out.print("suite coulomb: share of the problems solved, by the largest error of an independent judge")
+        timed = [row for row in own if row["tolerance"] == TIMED]
+        times = [row["median_s"] if row["status"] == "pass" else math.inf for row in timed]
+        middle = statistics.median(times) if times else math.inf
+        shares = (f"{100.0 * each / count:.1f} %" for each in solved)
+        shown.add_row(rule, engine, *shares, _seconds(middle) if math.isfinite(middle) else "-", str(count))
+    out.print(
+        f"suite {suite}: share of the problems solved, by the largest error of an independent judge; unsolved ones count in medians"
+    )
     out.print(shown)
     absent = dict.fromkeys(row["reason"] for row in rows if row["status"] == "not-installed")
     for reason in absent:

@@ -15,7 +15,7 @@ from ninedisk.harness.cli.support import INTERRUPTED, CellProgress, Commands, fa
 
 if TYPE_CHECKING:
     from ninedisk.harness.results.schema import Row
-SUITES = ("dem", "spheres", "cd", "coulomb", "flow", "harness")
+SUITES = ("dem", "spheres", "cd", "coulomb", "coulomb3d", "flow", "harness")
 FAILED, BROKEN = 1, 3
 LONGEST = 1e9
 """Time limit [s]: thirty years are none."""
@@ -31,7 +31,11 @@ def register(app: typer.Typer) -> None:
 @guarded
 def bench(
     suites: Annotated[
-        list[str] | None, typer.Argument(metavar="SUITE", help="dem, spheres, cd, coulomb, flow or harness. None: all.")
+        list[str] | None,
+        typer.Argument(
+            metavar="SUITE",
+            help="dem, spheres, cd, coulomb, coulomb3d, flow or harness. None: all but coulomb3d.",
+        ),
     ] = None,
     problem: Annotated[
         list[str] | None,
@@ -59,15 +63,21 @@ def bench(
     ] = False,
     repeats: Annotated[
         int | None,
-        typer.Option("--repeats", metavar="N", min=1, help="Repeats of each measurement; None: 5, coulomb 2."),
+        typer.Option(
+            "--repeats", metavar="N", min=1, help="Repeats of each measurement; None: 5, coulomb 2, coulomb3d 3."
+        ),
     ] = None,
     time_limit: Annotated[
         float | None,
         typer.Option(
             "--time-limit",
             metavar="S",
-            help="Seconds for one engine on one problem, all repeats; None: 120. Suite coulomb: for one answer; None: 2.",
+            help="Seconds for one engine on one problem, all repeats; None: 120. Suites coulomb, coulomb3d: for one answer; None: 2, 5.",
         ),
+    ] = None,
+    files: Annotated[
+        Path | None,
+        typer.Option("--files", metavar="DIR", help="Folder of contact problems in 3D, for the suite coulomb3d."),
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the records.")] = Path("bench"),
 ) -> None:
@@ -84,6 +94,7 @@ def bench(
       coulomb  the open set of `ninedisk cd-problems make`, some 160 problems of 10, 30 and 100 disks (--size: 300,
                1000 and 3000, too), shares solved to 1e-3 .. 1e-12 as an independent judge sees it, and performance
                profiles: ours, Siconos' NSGS, Lemke and CPG; of the associated rule ours, Clarabel and PIQP
+      coulomb3d  problems in space out of the files in --files: ours, Siconos' NSGS, Newton's method and ADMM
       flow     a drum, a hopper and a collapsing column stepped in time, time per simulated second beside the
                penetration and the error of friction: contact dynamics, the DEM at three stiffnesses, pymunk, Box2D,
                Bullet, MuJoCo with more and more iterations, engines by their commands
@@ -101,6 +112,7 @@ def bench(
       ninedisk bench cd --time-limit 60 --engine clarabel --engine piqp
       ninedisk bench dem cd --large --repeats 9 --out figures
       ninedisk bench coulomb --size 300 --problem 'drum-*' --time-limit 10
+      ninedisk bench coulomb3d --files problems
       ninedisk bench harness
       ninedisk bench flow --problem 'collapse-*' --engine-cmd 'node my-engine.mjs'
 
@@ -120,7 +132,9 @@ def bench(
     from ninedisk.harness.wire.command import engines_given
     from ninedisk.reports.bench import write_bench
 
-    suites, commands = suites or list(SUITES), engine_cmd or []
+    if files is not None and suites is None:
+        suites = ["coulomb3d"]
+    suites, commands = suites or [each for each in SUITES if each != "coulomb3d"], engine_cmd or []
     for suite in suites:
         if suite not in SUITES:
             near = close_matches(suite, SUITES)
@@ -129,6 +143,8 @@ def bench(
         raise UsageError(f"--time-limit {time_limit:g} is not allowed: it must be in (0, {LONGEST:g}] s")
     if commands and "flow" not in suites:
         raise UsageError("--engine-cmd is for the suite flow: add it, or leave the command out")
+    if files is not None and "coulomb3d" not in suites:
+        raise UsageError("--files is for the suite coulomb3d: add it, or leave the folder out")
     request = Request(
         suites=tuple(dict.fromkeys(suites)),
         problem_wanted=_matcher(problem or []),
@@ -138,6 +154,7 @@ def bench(
         large=large,
         repeats=repeats,
         time_limit=time_limit,
+        files=files,
     )
     prepare_folder(out)
     run_id = new_run_id()

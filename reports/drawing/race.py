@@ -56,9 +56,9 @@ class Race:
     repeats: int
 
 
-def races(rows: Iterable[Row]) -> list[Race]:
-    """What there is to say of each rule."""
-    held = [row for row in rows if row["suite"] == "coulomb"]
+def races(rows: Iterable[Row], suite: str) -> list[Race]:
+    """What there is to say of each rule in a suite of contact problems."""
+    held = [row for row in rows if row["suite"] == suite]
     return [_race(rule, own) for rule in RULES if (own := [row for row in held if row["start"] == rule])]
 
 

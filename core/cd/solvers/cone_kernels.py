@@ -18,8 +18,10 @@ DIRECTIONS = 24
 """Directions of slip between which signs are compared where the last direction leads to none."""
 FIRST_STEP = 1e-3
 """First step [rad] away from the last direction."""
-SECANTS = 40
-"""Steps of the search between two directions."""
+FARTHEST = 0.5
+"""Step [rad] beyond which secants lead elsewhere."""
+SECANTS, MOST_HALVINGS = 12, 40
+"""Steps of secants, and of the search between two directions."""
 ANGLE = 4e-16
 """Where a search for an angle stops: two roundings."""
 
@@ -51,7 +53,7 @@ def _root(
     low: float, f_low: float, high: float, f_high: float,
 ) -> float:  # fmt: skip
     """The angle between two, where slip across has two signs, at which there is none (Illinois' rule of false position)."""
-    for _ in range(SECANTS):
+    for _ in range(MOST_HALVINGS):
         if abs(high - low) <= ANGLE * (abs(low) + abs(high)) or f_high == 0.0:
             break
         mid = high - f_high * (high - low) / (f_high - f_low)
@@ -106,10 +108,24 @@ def solve_cone_contact(
         if p >= 0.0 and hypot(s1, s2) <= mu * p:
             return p, s1, s2
     first = atan2(q2, q1) if q1 != 0.0 or q2 != 0.0 else atan2(-b2, -b1)
-    # From the direction that friction had, outwards to both sides: of several solutions, the nearest one.
+    # In a later sweep the direction has hardly changed: secants find it.
     p, along, f = _slip(a, k, b0, b1, b2, mu, coulomb, first)
-    if f == 0.0 and p > 0.0 and along <= 0.0:
-        return p, mu * p * cos(first), mu * p * sin(first)
+    angle, f_angle = first, f
+    step = FIRST_STEP
+    for _ in range(SECANTS):
+        following = angle + step
+        p, along, f_following = _slip(a, k, b0, b1, b2, mu, coulomb, following)
+        if abs(step) <= ANGLE * (1.0 + abs(following)) or f_following == 0.0:
+            if p > 0.0 and along <= 0.0:
+                return p, mu * p * cos(following), mu * p * sin(following)
+            break
+        if f_following == f_angle:
+            break
+        step *= f_following / (f_angle - f_following)
+        if not abs(step) < FARTHEST:
+            break
+        angle, f_angle = following, f_following
+    # Else from there outwards to both sides: of several solutions, the nearest one.
     ends, values = (first, first), (f, f)
     step, reach = FIRST_STEP, 0.0
     while reach < pi:

@@ -1,5 +1,5 @@
-"""Siconos' two-dimensional solvers on saved contact problems: Gauss-Seidel with the Delassus matrix in sparse blocks, others with a
-dense one."""
+"""Siconos' solvers on saved contact problems: Gauss-Seidel with the Delassus matrix in sparse blocks, others in 2D with a dense one, in
+3D with a sparse one."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from ladder import climb
 
 
 def solve(request):
-    """Contact forces and figures of its solver ``solver``: NSGS, LEMKE or CPG.
+    """Contact forces and figures of its solver ``solver``: NSGS, LEMKE or CPG in 2D; NSGS, NSN_AC or ADMM in 3D.
 
     Forces are measured in a unit, a power of two, in which the largest diagonal entry of W is near 1: Gauss-Seidel takes
     1e-12 for 0, whatever the units.
@@ -24,17 +24,18 @@ def solve(request):
         w = sp.csr_matrix((data["W_data"], data["W_indices"], data["W_indptr"])).tocsc()
     unit = 2.0 ** round(math.log2(float(w.diagonal().max())))
     w = w / unit
-    name = request.get("solver", "NSGS")
-    problem = sn.FrictionContactProblem(2, len(mu), _blocks(w) if name == "NSGS" else w.toarray(order="F"), q, mu)
-    options = sn.SolverOptions(getattr(sn, f"SICONOS_FRICTION_2D_{name}"))
+    name, dimension = request.get("solver", "NSGS"), request.get("dimension", 2)
+    matrix = _blocks(w, dimension) if name == "NSGS" else w.toarray(order="F") if dimension == 2 else _long(w)
+    problem = sn.FrictionContactProblem(dimension, len(mu), matrix, q, mu)
+    options = sn.SolverOptions(getattr(sn, f"SICONOS_FRICTION_{dimension}D_{name}"))
     options.dparam[sn.SICONOS_DPARAM_TOL] = request["tolerance"]
     options.iparam[sn.SICONOS_IPARAM_MAX_ITER] = request["max_iterations"]
     r, u = np.zeros_like(q), np.zeros_like(q)
     begin = time.perf_counter()
-    word = sn.fc2d_driver(problem, r, u, options)
+    word = (sn.fc2d_driver if dimension == 2 else sn.fc3d_driver)(problem, r, u, options)
     seconds = time.perf_counter() - begin
     return {
-        "r": (r / unit).reshape(-1, 2),
+        "r": (r / unit).reshape(-1, dimension),
         "seconds": seconds,
         "iterations": int(options.iparam[sn.SICONOS_IPARAM_ITER_DONE]),
         "word": str(int(word)),
@@ -42,13 +43,18 @@ def solve(request):
     }
 
 
-def _blocks(w):
-    """The matrix in sparse blocks of 2 x 2."""
+def _long(w):
+    """The matrix with long indices, which its sparse matrices have."""
     w.sort_indices()
-    w.indices, w.indptr = w.indices.astype(np.int64), w.indptr.astype(np.int64)  # its sparse matrices have long indices
-    failed, blocks = sn.SBM_from_csparse(2, w)
+    w.indices, w.indptr = w.indices.astype(np.int64), w.indptr.astype(np.int64)
+    return w
+
+
+def _blocks(w, dimension):
+    """The matrix in sparse blocks, a row of them for each contact."""
+    failed, blocks = sn.SBM_from_csparse(dimension, _long(w))
     if failed:
-        raise RuntimeError("Siconos did not take the matrix in blocks of 2 x 2")
+        raise RuntimeError(f"Siconos did not take the matrix in blocks of {dimension} x {dimension}")
     return blocks
 
 

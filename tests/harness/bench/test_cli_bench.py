@@ -37,7 +37,7 @@ def test_help_teaches() -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (("speed",), "there is no suite 'speed': use dem, spheres, cd, coulomb, flow, harness"),
+        (("speed",), "there is no suite 'speed': use dem, spheres, cd, coulomb, coulomb3d, flow, harness"),
         (("dem", "--time-limit", "0"), "--time-limit 0"),
         (("dem", "--time-limit", "nan"), "--time-limit nan"),
         (("dem", "--out", "file"), "--out"),
@@ -46,6 +46,10 @@ def test_help_teaches() -> None:
         (("cd", "--size", "1"), "--size"),
         (("coulomb", "--size", "11"), "--size 11 is not one of the set's in the suite coulomb: use 10, 30"),
         (("dem", "--size", "many"), "--size"),
+        (("coulomb3d",), "the suite coulomb3d solves problems out of files: add --files FOLDER"),
+        (("coulomb3d", "--files", "absent"), "--files 'absent' is no folder"),
+        (("coulomb3d", "--files", "."), "--files '.' holds no contact problem in 3D"),
+        (("dem", "--files", "."), "--files is for the suite coulomb3d"),
     ],
 )
 def test_mistakes_are_named(arguments: tuple[str, ...], word: str, here: Path) -> None:

@@ -1,0 +1,120 @@
+"""Suite ``coulomb3d``: contact problems in space from files, solved by ours and by Siconos' solvers.
+
+Everything else is as in the suite ``coulomb`` (`ninedisk.harness.bench.coulomb`): each solver climbs the same ladder of its own
+tolerances, and an independent judge decides which of its answers meets a target.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ninedisk.core.cd.delassus import DelassusProblem
+from ninedisk.core.cd.problem_files import read_problem, write_problem
+from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.matrix import solve_matrix
+from ninedisk.core.errors import CoreError
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.bench.coulomb import (
+    BASE,
+    IN_TIME,
+    Attempt,
+    Climb,
+    Given,
+    Job,
+    Racer,
+    judge,
+    race,
+    siconos_climbs,
+)  # fmt: skip
+from ninedisk.harness.bench.measure import Reporter
+from ninedisk.harness.engines.process import SYSTEM_PYTHON
+from ninedisk.harness.engines.siconos.adapter import installed_siconos
+from ninedisk.harness.results.schema import Row
+
+WARM_UP = DelassusProblem(w=np.eye(6) + 0.1, b=[[-1.0, 2.0, 0.0], [-1.0, 0.0, 0.1]], mu=[0.3, 0.5])
+
+
+def racers() -> list[Racer]:
+    """All solvers, installed or not: one that is not says so when it is asked."""
+    import ninedisk
+
+    siconos = installed_siconos(SYSTEM_PYTHON)[0] or ""
+    return [
+        Racer(BASE["coulomb"], "coulomb", _own_solver, ninedisk.__version__),
+        Racer("siconos nsgs", "coulomb", partial(siconos_climbs, "NSGS", 3), siconos, matrix="sparse blocks of 3 x 3"),
+        Racer("siconos newton", "coulomb", partial(siconos_climbs, "NSN_AC", 3), siconos, matrix="sparse matrix"),
+        Racer("siconos admm", "coulomb", partial(siconos_climbs, "ADMM", 3), siconos, matrix="sparse matrix"),
+    ]
+
+
+def problem_files(folder: Path) -> dict[str, Path]:
+    """Files of a folder that hold a contact problem in space, by name.
+
+    Raises
+    ------
+    UsageError
+        If the folder cannot be read or holds none.
+    """
+    if not folder.is_dir():
+        raise UsageError(
+            f"--files {str(folder)!r} is no folder: give one with contact problems that `ninedisk solve` reads"
+        )
+    found, left_out = {}, []
+    for path in sorted(each for each in folder.iterdir() if each.is_file()):
+        try:
+            problem = read_problem(path).problem
+        except CoreError as error:
+            left_out.append(f"{path.name}: {error}")
+            continue
+        if isinstance(problem, DelassusProblem) and problem.dimension == 3 and problem.n_contacts:
+            found[path.name] = path
+    if not found:
+        why = f" ({left_out[0]})" if left_out else ""
+        raise UsageError(f"--files {str(folder)!r} holds no contact problem in 3D{why}")
+    return found
+
+
+def run_file(
+    path: Path, chosen: Sequence[Racer], *, repeats: int, time_limit: float, notify: Reporter
+) -> Iterator[list[Row]]:
+    """Rows of the problem in one file: one for each solver and target."""
+    problem = read_problem(path).problem
+    if not isinstance(problem, DelassusProblem):
+        raise TypeError(f"{path} holds bodies of the plane")
+    _ = problem.rho, problem.blocks  # made once, by nobody's clock
+    solve_matrix(WARM_UP, SolverOptions(tolerance=1e-12), sliding="coulomb")
+    with tempfile.TemporaryDirectory(prefix="ninedisk-bench-") as folder:
+        file = Path(folder) / "problem.npz"
+        write_problem(file, problem, "npz")
+        facts = {"file": path.name, "disks": 0, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+        given = [Given(problem, file, facts)]
+        yield race("coulomb3d", given, chosen, repeats=repeats, time_limit=time_limit, notify=notify)
+
+
+def _own_solver(jobs: Sequence[Job], limit: float) -> list[Climb]:
+    return [_climb(job, limit) for job in jobs]
+
+
+def _climb(job: Job, limit: float) -> Climb:
+    problem = job.problem
+    if not isinstance(problem, DelassusProblem):
+        raise TypeError("a matrix is needed")
+    found: list[Attempt] = []
+    for tolerance in job.tolerances:
+        options = SolverOptions(tolerance=tolerance, time_limit=IN_TIME * limit)
+        begin = time.perf_counter()
+        answer = solve_matrix(problem, options, sliding="coulomb")
+        seconds, good = time.perf_counter() - begin, answer.natural_map <= tolerance
+        found.append(Attempt(tolerance, answer.r, seconds, answer.iterations, good=good))
+        if not good:
+            return Climb(tuple(found), reason=f"its own error stays at {answer.natural_map:.3g}")
+        if judge(problem, answer.r, "coulomb").solved(job.until):
+            break
+    return Climb(tuple(found))
