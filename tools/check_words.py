@@ -3,7 +3,7 @@
     python tools/check_words.py [ROOT]
 
 The list is the table "Words that we do not use" of ``docs/reference/glossary.md``. Words are sought in names of modules, classes, functions
-and arguments, in docstrings and comments, in texts of the command line and of the pages, and in the documentation. At most 3 % of the
+and arguments, in docstrings and comments, in texts of the harness and of the pages, and in the documentation. At most 3 % of the
 sentences of the documentation and of ``--help`` may have more than 30 words. The exit status is 1 if anything is found.
 """
 
@@ -20,8 +20,8 @@ from typing import NamedTuple
 GLOSSARY = "docs/reference/glossary.md"
 HEADING = "## Words that we do not use"
 SOURCES = ("core", "harness", "references", "reports", "tools", "tests")
-TEXTS = ("reports", "harness/cli")
-"""Folders whose string literals are read by users."""
+TEXTS = ("reports", "harness")
+"""Folders whose string literals are read by users: messages, reasons, notes, findings, help."""
 HELP = "harness/cli"
 PAGES = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/**/*.md", "paper/*.md")
 TEMPLATES = "reports/templates/**/*.html"
@@ -32,6 +32,7 @@ MOST_LONG = 0.03
 
 CODE = re.compile(r"^ *```.*?^ *```[^\n]*$|``[^`]+``|`[^`\n]+`|(?<=\])\([^)\s]*\)|<!--.*?-->", re.DOTALL | re.MULTILINE)
 MARKUP = re.compile(r"\{%.*?%\}|\{\{.*?\}\}|\{#.*?#\}|<[^>]*>", re.DOTALL)
+TEMPLATE_TEXT = re.compile(r"""(?<=[\s(,|~])"([^"\n]* [^"\n]*)"|(?<=[\s(,|~])'([^'\n]* [^'\n]*)'""")
 COMMENT = re.compile(r"""^(?:[^'"#\n]|'[^'\n]*'|"[^"\n]*")*#(.*)$""")
 LONG_STRING = re.compile(r'''"""[\s\S]*?"""''')
 PART = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
@@ -151,6 +152,14 @@ def python_pieces(source: str, literals: bool) -> Iterator[Piece]:
     yield from _comments(blanked(LONG_STRING, source))
 
 
+def template_pieces(source: str) -> Iterator[Piece]:
+    """Texts with a blank in the expressions of a template."""
+    for part in re.finditer(r"\{\{.*?\}\}|\{%.*?%\}", source, re.DOTALL):
+        for found in TEMPLATE_TEXT.finditer(part[0]):
+            line = 1 + source.count("\n", 0, part.start() + found.start())
+            yield Piece(line, found[1] or found[2], "text")
+
+
 def _comments(source: str) -> Iterator[Piece]:
     """Comments, those of consecutive lines together."""
     block: list[str] = []
@@ -234,7 +243,7 @@ def check_file(root: Path, rules: Sequence[Rule], path: Path) -> Found:
         if name.startswith(HELP):
             measured = [(line, each) for line, text in help_texts(source) for _, each in sentences(text)]
     elif path.suffix == ".html":
-        pieces = [Piece(1, blanked(MARKUP, source), "text")]
+        pieces = [Piece(1, blanked(MARKUP, source), "text"), *template_pieces(source)]
     else:
         own = source.partition(HEADING)[0]
         pieces, measured = [Piece(1, blanked(CODE, own), "text")], list(sentences(own))

@@ -34,14 +34,16 @@ PAGE = Path(__file__).parents[1] / "docs" / "reference" / "tolerances.md"
 
 HEAD = f"""# Wide tolerances
 
-Every check whose tolerance exceeds {100 * LEAST:g} % of the effect that its case is about, with its derivation. A pass of these checks
-says less than a pass of the others: an engine may be off by the share that is given. `python tools/list_tolerances.py` writes
-this page from the checks of {", ".join(ENGINES)}, one engine of each kind of contact; with stores as arguments it lists what they hold.
+Every check whose tolerance exceeds {100 * LEAST:g} % of the effect that its case is about, with its derivation. An engine may pass such a
+check and be off by the share that is given. `python tools/list_tolerances.py` writes this page from the checks of {", ".join(ENGINES)},
+one engine of each kind of contact; with stores as arguments it lists what they hold.
 
 The effect is the largest value of the reference; where that is zero, the largest of the quantity in other variants of the case. Where
-several truths bind a quantity of a cell, the tightest counts: an engine has to pass all of them. The share is that of the widest variant,
-and so are the numbers in the reasons. Engines whose scheme has a name of its own are not bound by exact steps, and may be off by more.
+several truths bind a quantity of a cell, the tightest counts. Shares and numbers in the reasons are those of the widest variant. An engine
+whose scheme has its own name is not bound by exact steps, and may be off by more.
 
+| case | engine | share: quantities | why |
+|---|---|---|---|
 """
 
 
@@ -92,23 +94,25 @@ def wide(rows: Iterable[Row]) -> dict[tuple[str, str, str], tuple[float, Row]]:
 
 
 def page(found: dict[tuple[str, str, str], tuple[float, Row]]) -> str:
-    """The page in Markdown: one table for each case, one line for each engine and reason."""
+    """The page in Markdown: one row for each case and reason, with the engines that share it."""
     lines = [HEAD]
     for case in sorted({case for case, _, _ in found}):
-        lines.append(f"## {case}\n\n| engine | quantity: share | why |\n|---|---|---|\n")
-        grouped: dict[tuple[str, str], list[str]] = {}
-        for (name, quantity, engine), (share, row) in found.items():
+        shares: dict[tuple[str, str], dict[str, list[str]]] = {}
+        why: dict[tuple[str, str], str] = {}
+        for (name, quantity, engine), (share, row) in sorted(found.items()):
             if name == case:
-                grouped.setdefault((engine, _shape(row["why"])), []).append(f"{quantity}: {_percent(share)}")
-        why = {
-            (row["engine"], _shape(row["why"])): row["why"] for (name, _, _), (_, row) in found.items() if name == case
-        }
+                key = engine, _shape(row["why"])
+                shares.setdefault(key, {}).setdefault(_percent(share), []).append(quantity)
+                why[key] = row["why"].replace("|", "/")
+        engines: dict[tuple[str, str], list[tuple[str, str]]] = {}
+        for key, listed in sorted(shares.items()):
+            text = "; ".join(f"{share}: {', '.join(quantities)}" for share, quantities in listed.items())
+            engines.setdefault((text, key[1]), []).append(key)
         lines += [
-            f"| {engine} | {', '.join(sorted(quantities))} | {why[engine, shape].replace('|', '/')} |\n"
-            for (engine, shape), quantities in sorted(grouped.items())
+            f"| {case} | {', '.join(engine for engine, _ in keys)} | {text} | {why[keys[0]]} |\n"
+            for (text, _), keys in engines.items()
         ]
-        lines.append("\n")
-    return "".join(lines).rstrip("\n") + "\n"
+    return "".join(lines)
 
 
 def _shape(why: str) -> str:

@@ -237,7 +237,9 @@ class Auditor:
     def finish(self) -> None:
         """Judge what is left."""
         if not self.scene.conservative:
-            self.tallies["kept"].skip(1, "only restitution = 1 with mu = 0, both told, and no damping keep energy")
+            self.tallies["kept"].skip(
+                1, "energy is kept only with restitution = 1 and mu = 0, both given, and no damping"
+            )
         held = self._held
         if len(held) == 2:
             self._interval(None, held[0], held[1], None)
@@ -660,7 +662,7 @@ class Auditor:
                 lambda k: disk[k : k + 1],
             )
         tally.skip(
-            int(((walls > 0) & (size > 0)).sum() - len(lone)), "several disks or walls: the walls' torque is not told"
+            int(((walls > 0) & (size > 0)).sum() - len(lone)), "several disks or walls: the walls' torque is not known"
         )
         tally.skip(int((anchored & (size > 0)).sum()), "fixed disks take angular momentum")
 
@@ -786,7 +788,7 @@ class Auditor:
         who, members = self._group_words(touch, judged, use)
         shown = {name: part[judged] for name, part in parts.items()}
         tally.judge(c, gain[judged], shown, who, members)
-        tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: tell kn (and ks), or rigid = true"
+        tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: give kn (and ks), or rigid = true"
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
         tally.skip(
             int((real & unknown_work).sum()),
@@ -945,7 +947,7 @@ class Auditor:
             )
             return
         if scene.rigid:
-            tally.judge(c, depth, {"digits of x": err, "the slop told": np.full(len(i), scene.slop)}, who, members)
+            tally.judge(c, depth, {"digits of x": err, "the given slop": np.full(len(i), scene.slop)}, who, members)
             return
         with np.errstate(invalid="ignore"):
             spring = np.sqrt(2.0 * max(left, 0.0) / kn)
@@ -957,7 +959,7 @@ class Auditor:
             c, depth[at], {"digits of x": err[at], "what the energy at hand squeezes, short of a centre": allowed[at]},
             lambda k: who(at[k]), lambda k: members(at[k]),
         )  # fmt: skip
-        tally.skip(int((~decided).sum()), "how deep springs of unknown stiffness may go: tell kn, or rigid = true")
+        tally.skip(int((~decided).sum()), "how deep springs of unknown stiffness may go: give kn, or rigid = true")
 
 
 def _norm(array: FloatArray) -> Any:

@@ -10,16 +10,16 @@ from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
 from ninedisk.harness.results.whole_file import write_whole
 
 TOML = """\
-# What the trajectory does not tell of itself. Run:  ninedisk audit trajectory.csv
+# What the trajectory does not say. Run:  ninedisk audit trajectory.csv
 gravity = [0.0, -9.81]             # [m/s^2]
 # damping = 0.0                    # global damping [1/s]: m a + damping m v = F
-# reverse = "back.csv"             # a run from the end with all velocities turned round
+# reverse = "back.csv"             # a run from the end with all velocities reversed
 # open = true                      # disks may leave
 # single = true                    # the engine computes in single precision, whatever the file shows
 
 [time]
 dt = 1e-5                          # the engine's own step [s]; t = step x dt where the file has steps only
-# interval = 1e-3                  # time between two files of a series that tells none
+# interval = 1e-3                  # time between two files of a series without times
 
 [disks]                            # one number, a list (ids in order), or by type {1 = 0.1, 2 = 0.2}
 radius = [0.1, 0.1, 0.15, 0.12]    # [m]; a column radius of the file does as well
@@ -27,7 +27,7 @@ density = 1000.0                   # [kg/m^2]; or mass = ... [kg]
 inertia = "disk"                   # or "sphere", or I/(m R^2)
 # fixed = [7, 8]                   # ids of disks that do not move freely
 
-[contact]                          # what is not told is not judged
+[contact]                          # what is not given is not judged
 mu = 0.3
 kn = 1e6                           # [N/m], linear; or rigid = true, with slop = ... [m] if the engine allows one
 ks = 8e5                           # [N/m]

@@ -173,7 +173,7 @@ class _States:
             way = "[time] dt = SECONDS, the engine's step" + (
                 ", or interval = SECONDS between frames" if clock == "index" else ""
             )
-            raise UsageError(f"{self.trajectory.path} tells steps and no times: tell them in the TOML by {way}")
+            raise UsageError(f"{self.trajectory.path} has steps and no times: give them in the TOML by {way}")
         return frame.step * scene.dt, 0.0
 
     def _numbers(self, state: State, columns: Mapping[str, FloatArray], present: NDArray[np.bool_]) -> None:
@@ -237,13 +237,11 @@ def _bodies(path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapp
         if isinstance(given, Mapping):
             if "type" not in columns:
                 raise UsageError(
-                    f"disks.{name} is told by type, and {path} has no column type: give a number or a list"
+                    f"disks.{name} is given by type, and {path} has no column type: give a number or a list"
                 )
             kinds = columns["type"][first].astype(int)
             if missing := sorted(set(kinds.tolist()) - set(given)):
-                raise UsageError(
-                    f"disks.{name} tells nothing of type {missing[0]}: it has {', '.join(map(str, given))}"
-                )
+                raise UsageError(f"disks.{name} has nothing for type {missing[0]}: it has {', '.join(map(str, given))}")
             return np.array([given[kind] for kind in kinds])
         array = np.broadcast_to(np.asarray(given, dtype=float), np.shape(given) or (len(unique),))
         if len(array) != len(unique):
@@ -255,13 +253,13 @@ def _bodies(path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapp
     radius = fact("radius", scene.radius)
     if radius is None:
         raise UsageError(
-            f"{path} has no column radius: tell [disks] radius in the TOML, a number, a list or a table by type"
+            f"{path} has no column radius: give [disks] radius in the TOML, a number, a list or a table by type"
         )
     density, mass = fact("density", scene.density), fact("mass", scene.mass)
     if density is not None:
         mass = density * np.pi * radius**2
     if mass is None:
-        raise UsageError(f"{path} has no column mass: tell [disks] mass, or density in kg/m^2, in the TOML")
+        raise UsageError(f"{path} has no column mass: give [disks] mass, or density in kg/m^2, in the TOML")
     for name, values in (("radius", radius), ("mass", mass)):
         if wrong := np.flatnonzero(~(np.isfinite(values) & (values > 0.0))).tolist():
             raise UsageError(
@@ -293,7 +291,7 @@ def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally
     """Every contact force given: it pushes, and its shear part is at most mu times that."""
     tally = Tally("cone")
     if scene.contacts is None:
-        tally.skip(1, 'no contact forces are told: [contacts] file = "..." with columns i, j, fn, fs')
+        tally.skip(1, 'no contact forces are given: [contacts] file = "..." with columns i, j, fn, fs')
         return tally
     file = read_trajectory(scene.contacts, scene.contact_columns, ("fn", "fs"))
     n_walls = len(scene.walls)
@@ -326,12 +324,12 @@ def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally
         pull = np.zeros(len(fn)) if scene.cohesive else np.maximum(-fn, 0.0)
         beyond = np.maximum(np.abs(fs) - np.nan_to_num(mu) * np.maximum(fn, 0.0), 0.0)
         if scene.cohesive:
-            tally.skip(len(at), "cohesion carries shear beyond mu fn, by how much is not told")
+            tally.skip(len(at), "cohesion carries shear beyond mu fn, by an unknown amount")
             continue
         value = np.maximum(pull, beyond)
         tally.judge(state, value[at], {"digits of fs": es[at], "mu times the digits of fn": (np.nan_to_num(mu) * en + en)[at]}, who,
                     lambda _: np.empty(0, dtype=np.int64))  # fmt: skip
-        tally.skip(int((~known).sum()), "mu of the contact is not told")
+        tally.skip(int((~known).sum()), "mu of the contact is not given")
         if (odd := int((~(np.isfinite(fn) & np.isfinite(fs))).sum())) and scene.mu is not None:
             bad = float(odd)
             tally.judge(state, np.array([bad]), {"none is allowed": np.zeros(1)}, lambda _: "a force that is no number",
@@ -342,10 +340,10 @@ def _cone(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally
 def _reversal(
     scene: AuditScene, auditor: Auditor, kept: list[State], progress: Callable[[int, int, str], None]
 ) -> Tally:
-    """Way back against the way there; an error at its start grows by free flight, and by 2 v/R of a distance in each contact."""
+    """Compare the reversed path with the first one; an error at its start grows in flight, and by 2 v/R of a distance in each contact."""
     tally = Tally("reversal")
     if scene.reverse is None:
-        tally.skip(1, 'no run back is told: reverse = "FILE", from the end with all velocities and spins turned round')
+        tally.skip(1, 'no reversed run is given: reverse = "FILE", from the end with all velocities and spins reversed')
         return tally
     if not scene.conservative or any(wall.motion for wall in scene.walls):
         tally.skip(

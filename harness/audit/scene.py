@@ -124,7 +124,7 @@ class _Reader:
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(
                 f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): give a TOML by --scene "
-                "FILE; `ninedisk audit --example DIR` writes one to begin with"
+                "FILE; `ninedisk audit --example DIR` writes one"
             ) from error
         try:
             self.data = tomllib.loads(self.text)
@@ -249,7 +249,7 @@ def read_scene(path: Path) -> AuditScene:
         raise reader.wrong("disks", "inertia", shape, 'it must be "disk", "sphere" or I/(m R^2) in (0, 1]')
     if "mass" in disks and "density" in disks:
         raise reader.wrong(
-            "disks", "density", disks["density"], "masses are told already; give one of mass and density"
+            "disks", "density", disks["density"], "masses are given already; give one of mass and density"
         )
     fixed = disks.get("fixed", [])
     if not isinstance(fixed, list) or not all(isinstance(each, int) for each in fixed):

@@ -36,7 +36,7 @@ LAST = ", last state only"
 APART = 1e-5
 """Of the largest displacement: engines turn shear forces to first order (1e-7 in 5,500 steps), other conventions show in the
 second or third digit."""
-EVERY, ALONE = "dem, every step recorded", "dem, process of its own"
+EVERY, ALONE = "dem, every step recorded", "dem, its own process"
 PROGRAM = """
 from ninedisk.harness.api.registry import get_case
 from ninedisk.core.simulate import simulate

@@ -180,7 +180,7 @@ def same_steps(curve: FloatArray, near: Sequence[FloatArray]) -> FloatArray:
 
 
 def contact_softness(engine: EngineInfo) -> float:
-    """Part of what it should withstand in one step that a contact of this engine does not; 0 for all except soft contacts."""
+    """Fraction of the approach velocity that a contact of this engine does not remove per step; 0 for all except soft contacts."""
     if engine.contact != "soft":
         return 0.0
     return SOFTEST if engine.softness is None else engine.softness
@@ -206,7 +206,7 @@ def with_slop(checks: Sequence[Check], observed: Observed, engine: EngineInfo) -
 def slack_time(engine: EngineInfo, dt: float) -> float:
     """Time [s] for which a load may act as if there were no contact: a body that should rest has that much of its free motion.
 
-    A soft contact lets through a fixed part s of what it should withstand in one step: ``v' = s (v + g dt)``, which settles at
+    A soft contact does not remove a fixed fraction s of the approach velocity per step: ``v' = s (v + g dt)``, which settles at
     ``s g dt/(1 - s)``, however long the load acts.
     """
     s = contact_softness(engine)
@@ -255,7 +255,7 @@ def soft_reason(engine: EngineInfo) -> str:
         if engine.softness is not None
         else "the engine does not say how soft: the most that it might state"
     )
-    return f"; a soft contact lets through {contact_softness(engine):g} of what it should withstand ({reason})"
+    return f"; a soft contact does not remove {contact_softness(engine):g} of the approach velocity per step ({reason})"
 
 
 def at_observed(observed: Observed, engine: EngineInfo, name: str, expected: FloatArray) -> FloatArray:

@@ -78,7 +78,7 @@ def start(bench: Bench, probe: Probe) -> Outcome:
     """The first sample is the state that was given: neither the set-up nor the warm-up has moved it."""
     history, bodies = bench.run_of(probe).history, probe.setup.scene.bodies
     bound = round_off(bench.info())
-    mend = "warm up on a copy of the state, or on a scene of its own; observe step 0 before the first step"
+    mend = "warm up on a copy of the state, or on a separate scene; observe step 0 before the first step"
     faults = []
     for name, wanted in (("x", bodies.x), ("v", bodies.v), ("omega", bodies.omega), ("angle", 0.0 * bodies.omega)):
         apart = np.abs(getattr(history, name)[0] - wanted)
@@ -227,7 +227,7 @@ def copies(bench: Bench, probe: Probe) -> Outcome:
     _run_again(bench, probe)
     changed = [name for name in names if not np.array_equal(arrays[name], before[name], equal_nan=True)]
     faults += [(f"{name} changed with the next run", mend) for name in changed]
-    return outcome("copies", faults, "arrays of their own, untouched by a second run")
+    return outcome("copies", faults, "separate arrays, untouched by a second run")
 
 
 def settings(bench: Bench, probe: Probe) -> Outcome:

@@ -85,7 +85,7 @@ class RigidPackageEngine(PackageEngine):
 
 def package_facts(distribution: str, **facts: Any) -> EngineInfo:
     """`EngineInfo` of an engine that is this Python package, where its keywords do not say otherwise."""
-    how = f"process of its own (Python package {distribution})"
+    how = f"separate process (Python package {distribution})"
     return EngineInfo(how_it_runs=how, install=f"pip install {distribution}", **facts)
 
 

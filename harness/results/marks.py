@@ -32,7 +32,7 @@ SHIFT_RULE = (
     f"Its threshold is derived, not tuned: the chance of the best place, times the number of places, times the number of "
     f"timings (Bonferroni), must be below {FALSE_ALARMS:.0%}. So at most one dashboard in a hundred marks a timing by "
     f"chance, whatever the distribution of the noise, as long as the order of the runs means nothing; what all timings of "
-    f"a run share is divided out before. That share has a line of its own; machines drift, so there a mark must be a jump: "
+    f"a run share is divided out before. That share has its own line; machines drift, so there a mark must be a jump: "
     f"{RESTLESS:g} times the usual step from run to run. The price: a slowdown shows after about six runs if it stands clear of the noise, "
     f"after about ten if it is 30% under noise of 10%. Runs of another machine or another case version are another line."
 )

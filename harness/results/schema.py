@@ -308,8 +308,8 @@ DETERMINISM_KINDS: dict[str, tuple[str, str]] = {
     "restart": ("saved half way and restarted in another process", "bitwise"),
     "watched": ("no contact watched", "bitwise"),
     "sampled": ("sampled at every seventh step only", "bitwise"),
-    "bodies": ("bodies told in another order", "round-off"),
-    "walls": ("walls told in another order", "round-off"),
+    "bodies": ("bodies given in another order", "round-off"),
+    "walls": ("walls given in another order", "round-off"),
 }
 """Repetitions of a run, and what each should be at least: sums over contacts may be rounded otherwise where these come in another order."""
 

@@ -330,12 +330,12 @@ def measure_kind(trial: Trial, kind: str) -> Row:
     """
     job, numerics = trial.job, trial.numerics
     if kind == "twice":
-        _requirement(trial.repeats, "each run is a process of its own")
+        _requirement(trial.repeats, "each run is its own process")
         return compare_runs(trial, *trial.reference)
     if kind == "process":
         return compare_runs(trial, trial.first, trial.run_in_fresh_process(job))
     if kind == "error":
-        _requirement(trial.repeats, "each run is a process of its own")
+        _requirement(trial.repeats, "each run is its own process")
         *failed, after = trial.run_in_one_process(*_failing_jobs(job), job)
         _requirement(
             any(isinstance(each, EngineError) for each in failed), "no run failed: it ends well whatever the velocities"
@@ -345,7 +345,7 @@ def measure_kind(trial: Trial, kind: str) -> Row:
         )
         return compare_runs(trial, trial.first, _require_answer(after))
     if kind == "scene":
-        _requirement(trial.repeats, "each run is a process of its own")
+        _requirement(trial.repeats, "each run is its own process")
         few = (2, 1) if trial.scene_id in IN_SPACE else (4, 2)
         other = _with_watched_contacts(
             trial.falling(*few, 0.5 * job.scene.law_of_bodies.mu), numerics.replace(n_steps=STEPS // 2)

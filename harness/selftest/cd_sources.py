@@ -37,7 +37,7 @@ STEPS = (
     _kernel("damping-explicit", "global damping sees the old velocity", "press",
             (STEP, "dynamic_mass", "1.0 / dt + theta * bodies.xi", "1.0 / dt"),
             (SHARED, "start_step", "(1.0 - theta) * bodies.xi", "bodies.xi")),
-    _kernel("compliance-series", "two springs in series stand for each contact", "press",
+    _kernel("compliance-series", "two springs in series replace each contact", "press",
             (SHARED, "contact_compliances", "1.0 / laws.kn[row[k]]", "2.0 / laws.kn[row[k]]"),
             (SHARED, "contact_compliances", "1.0 / laws.ks[row[k]]", "2.0 / laws.ks[row[k]]")),
     _kernel("compliance-theta", "the compliance lacks theta", "press",

@@ -454,7 +454,7 @@ def _advice(text: str, error: ValueError) -> str:
     found = _OBJECT.search(text)
     begin = found.start() if found else -1
     if begin > 0 and text[:begin].strip() and _object_ends(text, begin) is not None:
-        return "; other text stands before the JSON object: print messages on standard error"
+        return "; other text precedes the JSON object: print messages on standard error"
     end = _object_ends(text, begin) if begin >= 0 else None
     if end is not None:
         return (

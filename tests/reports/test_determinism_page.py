@@ -53,5 +53,5 @@ def test_who_keeps_least_comes_first_with_numbers(report):
 def test_the_overview_and_the_engines_page_lead_there(report):
     assert 'href="determinism.html"' in (report / "index.html").read_text(encoding="utf-8")
     html = (report / "engine" / "demo.html").read_text(encoding="utf-8")
-    assert "<b>Bodies told in another order: different</b>, 0.012" in html
+    assert "<b>Bodies given in another order: different</b>, 0.012" in html
     assert 'href="../determinism.html"' in html

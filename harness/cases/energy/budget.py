@@ -80,7 +80,7 @@ class Budget:
                 *(Plotted(f"energy_{name}", WORDS[name]) for name in (*STATE, *LOSSES, *OWN)),
                 Plotted("energy_wall_work", WORDS["wall_work"], "-"),
             ),
-            shows="Energies and losses of each engine that tells them all, stacked, less the work of the wall: what there was at the "
+            shows="Energies and losses of each engine that reports them all, stacked, less the work of the wall: what there was at the "
             "start, wherever it went. The heap falls, is squeezed, and comes to rest.",
             allows="A flat top is a balance that closes. A band that narrows with time where it is a loss feeds energy.",
         ),

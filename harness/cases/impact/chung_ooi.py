@@ -93,7 +93,7 @@ def _spin(default: float) -> Parameter:
         default=default,
         unit="rad/s",
         in_id=True,
-        help="of the first sphere, about the axis across its way",
+        help="of the first sphere, about the axis across its path",
     )
 
 
@@ -207,7 +207,7 @@ class ChungOoi:
                 Figure(
                     title="Force over time", quantities=(Plotted("force", pushed), Plotted("overlap", "overlap [m]")), compare=compare,
                     shows="Force and overlap over time.",
-                    allows="The curves are Hertz' where they reach the largest force and overlap of the table, in the time told there.",
+                    allows="The curves are Hertz' where they reach the largest force and overlap of the table, in the time given there.",
                 ),
             )  # fmt: skip
         found = []

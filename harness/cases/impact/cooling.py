@@ -393,8 +393,8 @@ def _motion_checks(
         Check(quantity=quantity, norm="max", truth="exact-step", expected=expected, scale=1.0,
               source=f"event by event, until {motion.until:.2f} s: {motion.collisions} collisions of two {setup.scene.noun}s",
               atol=2.0 * PARTED + lost,
-              why=f"motions that begin {params['speed'] * lag:.2g} m apart, the way in a step or contact, differ by {PARTED:g} of the "
-              "energy by then; twice that for what each collision adds"),
+              why=f"motions that begin {params['speed'] * lag:.2g} m apart, the displacement in a step or contact, differ by {PARTED:g} "
+              "of the energy by then; twice that for what each collision adds"),
     ]  # fmt: skip
 
 

@@ -204,7 +204,7 @@ class ElasticGas:
             Check(quantity="spin", source="smooth disks",
                   why="no force has a moment: impulses of 2 m v at an arm that is the rounding of a coordinate, hit by hit",
                   atol=2.0 * hits.all / n * 4.0 * speed * _rounding(engine, size) / RADIUS**2, scale=speed / RADIUS, **common),
-            Check(quantity="outside", source="walls", why="way of a step, or overlap of a spring, of a disk that has all the energy",
+            Check(quantity="outside", source="walls", why="displacement in a step, or overlap of a spring, of a disk with all the energy",
                   atol=deep, scale=RADIUS, **common),
              *flight_checks(setup, engine),
         ]  # fmt: skip

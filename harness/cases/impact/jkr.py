@@ -59,7 +59,7 @@ class AdhesiveImpact:
         Parameter(name="speed", default=2.0, low=0.1, high=100.0, unit="-", in_id=True, help="speed of approach over the sticking speed"),
         Parameter(
             name="way", default=0.01, low=0.0, low_open=True, high=0.1, unit="-",
-            help="way of a step at the speed of approach over the gap of the break",
+            help="displacement in a step at the speed of approach over the gap of the break",
         ),
     )  # fmt: skip
 

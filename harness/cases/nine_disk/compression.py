@@ -92,7 +92,7 @@ class Compression:
             words=("mu",),
             low=0.0,
             in_id=True,
-            help="friction of the walls; the word mu stands for the disks' own tan(phi)",
+            help="friction of the walls; the word mu means the disks' own tan(phi)",
         ),
         Parameter(name="phi_deg", default=15.0, low=0.0, high=89.0, unit="deg", help="angle of friction between disks"),
         Parameter(name="ks_over_kn", default=1.0, low=0.0, help="shear over normal contact stiffness"),

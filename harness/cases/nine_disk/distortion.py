@@ -110,7 +110,7 @@ class Distortion:
             words=("mu",),
             low=0.0,
             in_id=True,
-            help="friction of the walls; the word mu stands for the disks' own tan(phi)",
+            help="friction of the walls; the word mu means the disks' own tan(phi)",
         ),
         Parameter(name="substeps", default=1, low=1, whole=True, help="contact steps in one cycle"),
         replace(LEVER_ARM, in_id=True),
@@ -326,7 +326,7 @@ def _first_order() -> FirstOrder:
         force=load.kn * path,
         length=path,
         lag=0.5 * omega * load.dt,
-        why="first-order scheme: the oscillation of neighbours from the walls' start, kn v/omega, and a step's way of lag, kn v dt",
+        why="first-order scheme: the oscillation of neighbours from the walls' start, kn v/omega, and a lag of one step, kn v dt",
     )
 
 

@@ -20,7 +20,7 @@ SHAPE = Parameter(
     name="shape",
     default="disk",
     choices=("disk", "nurbs"),
-    help="the disks themselves, or NURBS outlines that are exactly their circles, each turned by an angle of its own",
+    help="the disks themselves, or NURBS outlines that are exactly their circles, each turned by its own angle",
 )
 
 TURN = 2.4

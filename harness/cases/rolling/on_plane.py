@@ -467,7 +467,7 @@ class Turntable:
     version = 1
     title = "A ball on a turntable"
     source = "Routh, Dynamics of a System of Rigid Bodies; Weckesser, Am. J. Phys. 65 (1997) 736"
-    requirement = "the centre goes round at 2/7 of the turntable's angular speed and keeps its own speed"
+    requirement = "the centre circles at 2/7 of the turntable's angular speed and keeps its own speed"
     parameters: tuple[Parameter, ...] = (
         Parameter(name="turn", default=2.0, low=0.01, high=100.0, unit="rad/s", in_id=True, help="angular speed of the plane"),
         Parameter(name="speed", default=0.7, low=1e-3, high=100.0, unit="m/s", help="of the ball"),
@@ -478,7 +478,7 @@ class Turntable:
     figures = (
         _path_figure(
             "The path on the turntable",
-            "A quarter of the circle on which the sphere goes round, from above.",
+            "A quarter of the circle of the sphere's centre, from above.",
             "Whatever friction, radius and gravity are, the circle is run through with 2/7 of the plane's angular speed; slip that is let "
             "through, or a first-order step, shows as a spiral.",
         ),

@@ -24,7 +24,7 @@ FINDINGS = (
     Finding(
         id="box2d/order-of-bodies",
         versions="2.3.10",
-        what="Told in another order, the disks of a pile move otherwise from the first step on in which several touch each other.",
+        what="Given in another order, the disks of a pile move otherwise from the first step on in which several touch each other.",
         size=Size(
             table="determinism",
             case="determinism",

@@ -51,7 +51,7 @@ FINDINGS = (
         id="bullet/order-of-walls",
         versions="3.2.7",
         what=(
-            "Walls told in another order part spheres by a millionth of their radius within steps, spheres told in another order by a "
+            "Walls given in another order part spheres by a millionth of their radius within steps, spheres given in another order by a "
             "hundredth of that: sweeps over contacts end before their order does not matter. Disks of the plane keep within round-off."
         ),
         size=Size(

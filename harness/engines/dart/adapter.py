@@ -97,7 +97,9 @@ class DartEngine(RigidPackageEngine):
 
     def approximations(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """The regularisation."""
-        return [f"DART's contacts give way by {FORCE_MIXING:g} of what they should withstand (constraint force mixing)"]
+        return [
+            f"DART's contacts do not remove {FORCE_MIXING:g} of the approach velocity per step (constraint force mixing)"
+        ]
 
 
 ENGINE = DartEngine()

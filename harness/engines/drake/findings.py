@@ -52,7 +52,7 @@ FINDINGS = (
             truth="analytic",
             over=0.1,
             sign=1,
-            over_why="first order in the step moves the way by dt/t = 1 %; a spring that loads first by 3.5 %",
+            over_why="first order in the step changes the displacement by dt/t = 1 %; a spring that loads first by 3.5 %",
         ),
         command="ninedisk run incline-block --engine drake-lagged --set mu=0.36 --set dt=0.01 --set preload=false --set kn=1e8",
     ),

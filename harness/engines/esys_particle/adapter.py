@@ -72,7 +72,7 @@ NOTE_ONE_LAW = "Hertz' law is one for all contacts: HertzMindlinVisco takes no t
 NOTE_BLOCKED_SPIN = "a sphere whose rotation is blocked has no spin"
 NOTE_DASHPOT_3D = "dashpot with the velocity of t_{n-1/2}; it may pull"
 NOTE_FORCES_3D = (
-    "shear forces by restart files; normal forces from the forces on spheres and planes, where those tell them"
+    "shear forces by restart files; normal forces from the forces on spheres and planes, where those give them"
 )
 
 

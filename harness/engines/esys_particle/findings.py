@@ -8,8 +8,8 @@ FINDINGS = (
         versions="2.3.4 (2.3.5 of Debian)",
         what=(
             "Shear forces of RotFriction are summed along fixed axes: they turn neither with the normal of their contact nor about it, and "
-            "become normal forces where two spheres in contact go round each other. Its option `rigid`, documented to take such rotations "
-            "into account, changes no bit: workers are not told of it."
+            "become normal forces where two spheres in contact circle each other. Its option `rigid`, documented to take such rotations "
+            "into account, changes no bit: workers do not receive it."
         ),
         size=Size(
             table="headlines",

@@ -59,7 +59,7 @@ FINDINGS = (
         id="kratos/new-contact-not-listed",
         versions="10.4.4",
         what=(
-            "The contacts that Kratos lists at a sample depend on the order in which disks are told: the motion is the same to the last"
+            "The contacts that Kratos lists at a sample depend on the order in which disks are given: the motion is the same to the last"
             " bit, and the elastic energy of those listed is not."
         ),
         size=Size(

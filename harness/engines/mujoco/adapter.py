@@ -85,7 +85,7 @@ OPTIONS = {
     "cone": Option(
         default="elliptic",
         choices=("elliptic", "pyramidal"),
-        why="the same friction in all directions; MuJoCo's own value, pyramidal, has edges and no slip_damping of its own",
+        why="the same friction in all directions; MuJoCo's own value, pyramidal, has edges and no slip_damping",
     ),
     "tolerance": Option(default=1e-14, high=1.0, why="relative improvement below which the solver ends: round-off"),
     "iterations": Option(default=100, low=1, high=1e6, whole=True, why="Newton's method takes two or three"),
@@ -132,7 +132,7 @@ class MuJoCoEngine(RigidPackageEngine):
             return refused
         return (
             *refused,
-            f"each two bodies need a contact pair of their own: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",
+            f"each two bodies need their own contact pair: {pairs:.2g} of them, at most {MOST_PAIRS:.2g} fit",
         )
 
     def approximations(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002

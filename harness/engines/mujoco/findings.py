@@ -78,7 +78,7 @@ FINDINGS = (
     Finding(
         id="mujoco/order-of-bodies",
         versions="4.0.0",
-        what="Told in another order, the disks of a pile part by 1e-4 of a radius in the step in which they come to press on each other.",
+        what="Given in another order, the disks of a pile part by 1e-4 of a radius in the step in which they come to press on each other.",
         size=Size(
             table="determinism",
             case="determinism",

@@ -54,7 +54,7 @@ def test_other_answers(mode: str) -> None:
     ("mode", "reason"),
     [
         ("silent", "printed no answer on standard output and wrote no answer_file"),
-        ("banner", "begins with 'Welcome.*stands before the JSON object: print messages on standard error"),
+        ("banner", "begins with 'Welcome.*precedes the JSON object: print messages on standard error"),
         ("trailing", "follows the JSON object .'done in 3 s'.: print messages on standard error"),
         ("garbage", "is not JSON, .* begins with 'Segmentation fault"),
         ("cut", "is not JSON, or was cut off"),
@@ -105,7 +105,7 @@ def test_bad_engines_end_as_errors_that_say_what_to_mend(mode: str, reason: str)
         ("about-scheme", "the scheme 'moreau-jean' needs the option 'theta'"),
         ("about-sweeps", "sweeps name the option 'efort': describe it"),
         ("about-exit", "ended with status 1 .*no licence found"),
-        ("about-banner", "stands before the JSON object"),
+        ("about-banner", "precedes the JSON object"),
     ],
 )
 def test_a_broken_description_is_one_error(mode: str, reason: str) -> None:
