@@ -35,12 +35,12 @@ PAGE = Path(__file__).parents[1] / "docs" / "reference" / "tolerances.md"
 HEAD = f"""# Wide tolerances
 
 Every check whose tolerance exceeds {100 * LEAST:g} % of the effect that its case is about, with its derivation. An engine may pass such a
-check and be off by the share that is given. `python tools/list_tolerances.py` writes this page from the checks of {", ".join(ENGINES)},
-one engine of each kind of contact; with stores as arguments it lists what they hold.
+check and be off by the given share. `python tools/list_tolerances.py` writes this page from the checks of {", ".join(ENGINES)}, one engine
+of each kind of contact. With stores as arguments it lists what they hold.
 
-The effect is the largest value of the reference; where that is zero, the largest of the quantity in other variants of the case. Where
-several truths bind a quantity of a cell, the tightest counts. Shares and numbers in the reasons are those of the widest variant. An engine
-whose scheme has its own name is not bound by exact steps, and may be off by more.
+The effect is the largest value of the reference, or if that is zero, of the quantity in other variants of the case. Of several truths the
+tightest counts. Numbers are those of the widest variant. An engine whose scheme has its own name is not bound by exact steps, and may be
+off by more.
 
 | case | engine | share: quantities | why |
 |---|---|---|---|

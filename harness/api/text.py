@@ -118,6 +118,27 @@ def one_line(text: str) -> str:
     return _CONTROL.sub(" ", text)
 
 
+def with_unit(number: str, unit: str) -> str:
+    """Put the unit behind a number; nothing behind one without a unit.
+
+    Parameters
+    ----------
+    number : str
+    unit : str
+        "", "-" or "1" for none.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> with_unit("0.5", "m/s"), with_unit("0.5", "-")
+    ('0.5 m/s', '0.5')
+    """
+    return number if unit in ("", "-", "1") else f"{number} {unit}"
+
+
 def found_and_expected(value: float, expected: float) -> tuple[str, str]:
     """Format two numbers with their signs, with as many digits as show that they differ, at least four.
 

@@ -24,18 +24,18 @@ ROUNDS = 5
 """How often groups of coarse frames are widened: each hit may throw a disk at another that none seemed to touch."""
 TITLES = {
     "finite": ("Every number is finite", ""),
-    "particles": ("No disk is lost, doubled or new", ""),
-    "time": ("Time goes on", "s"),
-    "motion": ("Positions move as velocities say", "m"),
-    "turning": ("Angles turn as spins say", "rad"),
-    "free": ("Velocities change at contacts only", "m/s"),
-    "momentum": ("Momentum comes from gravity and walls only", "N s"),
-    "spin": ("Angular momentum is kept", "N m s"),
-    "energy": ("No energy from nowhere", "J"),
-    "kept": ("No energy lost where nothing takes it", "J"),
-    "overlap": ("Disks and walls do not run into each other", "m"),
+    "particles": ("No disk is lost, duplicated or new", ""),
+    "time": ("Times grow", "s"),
+    "motion": ("Positions change as velocities say", "m"),
+    "turning": ("Angles change as spins say", "rad"),
+    "free": ("Velocities change only at contacts", "m/s"),
+    "momentum": ("Momentum changes only by gravity and walls", "N s"),
+    "spin": ("Angular momentum is conserved", "N m s"),
+    "energy": ("Energy grows only by the work of walls", "J"),
+    "kept": ("Energy is conserved without friction and damping", "J"),
+    "overlap": ("No overlap beyond springs or slop", "m"),
     "cone": ("Contact forces lie in the friction cone", "N"),
-    "reversal": ("The run goes back as it came", "m"),
+    "reversal": ("The reversed run retraces the path", "m"),
 }
 """Checks: title, unit of value and allowance."""
 Words = Callable[[int], str]
@@ -902,7 +902,11 @@ class Auditor:
                 }
                 at = np.flatnonzero(use)
                 self.tallies["energy"].judge(
-                    c, np.array([low - least["high"]]), parts, lambda _: "all disks, since their least", lambda _: at
+                    c,
+                    np.array([low - least["high"]]),
+                    parts,
+                    lambda _: "all disks, since their least energy",
+                    lambda _: at,
                 )
         budget = least["high"] + least["err"] if np.isfinite(least["high"]) else (high if np.isfinite(high) else np.inf)
         if high <= least["high"]:

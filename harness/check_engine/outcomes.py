@@ -26,6 +26,7 @@ from ninedisk.harness.api.engine import (
     Support,
 )
 from ninedisk.harness.api.support import support_of
+from ninedisk.harness.api.text import with_unit
 from ninedisk.harness.cases.adapter.probes import Probe
 from ninedisk.harness.results.whole_file import write_whole
 from ninedisk.harness.run.judge import blank_history, check_timings
@@ -198,8 +199,9 @@ class Bench:
             if quantity in found and found[quantity][0] >= size:
                 continue
             where = f" in entry {entry[:-1]}" if entry else ""
+            expected = with_unit(f"{row['expected']:.9g}", row["unit"])
             fault = Fault(
-                found=f"{quantity} is {row['value']:.9g} instead of {row['expected']:.9g} {row['unit']}{where} "
+                found=f"{quantity} is {row['value']:.9g} instead of {expected}{where} "
                 f"(allowed: {row['atol']:.2g}, {row['why']})",
                 mend=mends[quantity],
                 quantity=quantity,

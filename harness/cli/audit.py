@@ -40,19 +40,18 @@ def audit(
         typer.Option("--example", metavar="DIR", help="Write a trajectory and a TOML that pass, to start from."),
     ] = None,
 ) -> None:
-    """Hold mechanics against a trajectory that any program wrote: momentum, angular momentum, energy, overlaps, the friction
+    """Check conservation laws and friction in a trajectory of any program: momentum, angular momentum, energy, overlaps, the friction
     cone, jumps, lost disks. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
     FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row for each disk and frame, or an .npz of whole
     arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Required columns are t or step, x
     and y. Optional ones are id, type, vx, vy, omega, angle, radius, mass. The TOML gives other names of columns, masses, walls and
-    their motion, mu, kn, gravity and the step. Only the plane x, y is looked at.
+    their motion, mu, kn, gravity and the step. Only the plane x, y is read.
 
-    No tolerance is made up. An allowance is the sum of three parts, and each verdict says which counts. The printed digits leave
-    something open. One contact may fall between two frames, at an unknown instant. A sound scheme has the error of its step. The
-    more is given (dt, kn, ks, mu) and the denser the frames, the more can be decided. What may have touched is grouped. A group away
-    from walls keeps momentum and angular momentum. What a wall gives lies in its cone of friction. A group gains energy from moving
-    walls only.
+    An allowance has three parts, and each verdict names those that count: the printed digits, contacts at unknown instants between
+    two frames, and the error of a sound scheme's step. The more is given (dt, kn, ks, mu) and the denser the frames, the more can be
+    decided. Disks that may have touched form a group. A group away from walls keeps momentum and angular momentum. The impulse of a
+    wall lies in its cone of friction. A group gains energy only from moving walls.
 
     A --json file has checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id, verdict, said,
     judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t and disks.
@@ -138,9 +137,15 @@ def _show(record: Mapping[str, Any]) -> None:
     shown = table("", "check", "verdict")
     for check in record["checks"]:
         sign = {"violated": "✗", "holds": "✓"}.get(check["verdict"], "?")
-        shown.add_row(sign, check["title"], one_line(textwrap.shorten(check["said"], 900)))
+        shown.add_row(sign, f"{check['id']}: {check['title']}", one_line(textwrap.shorten(check["said"], 900)))
     out.print(shown)
     verdicts = [check["verdict"] for check in record["checks"]]
+    early = [check for check in record["checks"] if check["verdict"] == "violated"]
+    if len(early) > 1:
+        first = min(early, key=lambda check: float(check["first"]["t"]))
+        out.print(
+            f"violated first: {first['id']}, at t = {first['first']['t']:.4g} s; later violations may follow from it"
+        )
     out.print(
         f"{verdicts.count('violated')} violated, {verdicts.count('holds')} hold, {verdicts.count('not decidable')} not decidable."
     )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import UsageError, close_matches
-from ninedisk.harness.api.text import found_and_expected, one_line
+from ninedisk.harness.api.text import found_and_expected, one_line, with_unit
 from ninedisk.harness.cli.support import CellProgress, Commands, Store, guarded, refuse_not_installed, write_rows
 from ninedisk.harness.results.schema import FINDING_VERDICTS, EvaluatedFinding
 from ninedisk.harness.terminal import console, share, table
@@ -233,7 +233,7 @@ def _details(found: Sequence[EvaluatedFinding]) -> None:
         numbers = each.quantity
         if each.value == each.value:
             found_value, wanted = found_and_expected(each.value, each.expected)
-            numbers = f"{each.quantity} = {found_value} {each.unit} for {wanted}"
+            numbers = f"{each.quantity} = {with_unit(found_value, each.unit)} for {wanted}"
         lines = {
             "what": each.what,
             "verdict": each.verdict + (f": {each.reason}" if each.reason else ""),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ninedisk.harness.api.errors import StoreError, UsageError
-from ninedisk.harness.api.text import count_noun, found_and_expected
+from ninedisk.harness.api.text import count_noun, found_and_expected, with_unit
 from ninedisk.harness.cli.support import (
     FAILURE,
     INTERRUPTED,
@@ -162,7 +162,7 @@ def run(
         ),
     ] = None,
 ) -> None:
-    """Run cases on engines, hold the results against every known truth, and store them.
+    """Run cases on engines, compare the results with every known truth, and store them.
 
     \b
     Examples:
@@ -445,12 +445,12 @@ def _headlines(rows: Sequence[Row], most: int) -> list[str]:
     if not worst:
         return []
     pairs = sorted(worst.values(), key=lambda row: -row["rel_error"])
-    pairs_of = f"{count_noun(len(pairs), 'pair')} of a case and an engine"
-    lines = [f"farthest from the physics, of {pairs_of}, whatever the scheme:"]
-    lines += [
-        f"{share(row['rel_error']):>9} {row['case']} {row['engine']}: {row['headline']} [{row['variant']}], of the {row['scale_is']}"
-        for row in pairs[:most]
-    ]
+    lines = [f"largest errors against exact physics ({count_noun(len(pairs), 'case-engine pair')}):"]
+    for row in pairs[:most]:
+        found, expected = found_and_expected(row["value"], row["expected"])
+        numbers = f"{found} instead of {with_unit(expected, row['unit'])}, relative to the {row['scale_is']}"
+        place = f"{row['case']} {row['engine']}: {row['headline']} [{row['variant']}]"
+        lines.append(f"{share(row['rel_error']):>9} {place}: {numbers}")
     if rest := [row["rel_error"] for row in pairs[most:]]:
         lines.append(f"... and {len(rest)} more, half of them at most {share(rest[len(rest) // 2])}")
     return lines
@@ -481,7 +481,9 @@ def _table(judged: Sequence[Row], *, narrow: bool = False) -> object:
             row["quantity"] or "-",
         ]
         words += ["-" if math.isnan(row[name]) else f"{row[name]:+.4g}" for name in ("value", "expected")]
-        words += [_number(row["abs_error"]), _number(row_tolerance(row) if row["quantity"] else math.nan)]
+        error = _number(row["abs_error"])
+        words.append(error if narrow or error == "-" else with_unit(error, row["unit"]))
+        words.append(_number(row_tolerance(row) if row["quantity"] else math.nan))
         shown.add_row(*words, *([] if narrow else [row["truth"] or "-"]))
     return shown
 
@@ -530,9 +532,8 @@ def _check_text(group: Sequence[Row]) -> str:
     numbers, reason = "", row["reason"]
     if row["status"] != "fail" and not math.isnan(row["abs_error"]):
         found, expected = found_and_expected(row["value"], row["expected"])
-        numbers = (
-            f"found {found}, expected {expected}: error {row['abs_error']:.3g}, tolerance {row_tolerance(row):.3g}"
-        )
+        error = with_unit(f"{row['abs_error']:.3g}", row["unit"])
+        numbers = f"found {found}, expected {expected}: error {error}, tolerance {row_tolerance(row):.3g}"
     return f"{place} {row['quantity']}: {'; '.join(text for text in (numbers, reason) if text)} ({row['truth']})"
 
 

@@ -16,7 +16,7 @@ from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.case import Check, Headline, Observed, Setup
 from ninedisk.harness.api.engine import EngineError, Timings
-from ninedisk.harness.api.text import found_and_expected
+from ninedisk.harness.api.text import found_and_expected, with_unit
 from ninedisk.harness.results.schema import (
     HEADLINE_COLUMNS,
     MEASUREMENT_COLUMNS,
@@ -285,16 +285,12 @@ def _missing(deviation: Deviation) -> str:
 def _beyond(check: Check, deviation: Deviation) -> str:
     found, expected = found_and_expected(deviation.value, deviation.expected)
     text = f"found {found}, expected {expected}: "
-    text += f"error {deviation.abs_error:.3g} {_unit(deviation)}exceeds the tolerance {deviation.tolerance:.3g}"
+    text += f"error {with_unit(f'{deviation.abs_error:.3g}', deviation.unit)} exceeds the tolerance {deviation.tolerance:.3g}"
     if deviation.first_divergence_step >= 0:
         text += f"; first beyond it at step {deviation.first_divergence_step}, worst at {deviation.worst_step}"
     if check.uncertainty > deviation.tolerance:
         text += f" (the truth itself is uncertain by {check.uncertainty:.3g})"
     return text
-
-
-def _unit(deviation: Deviation) -> str:
-    return f"{deviation.unit} " if deviation.unit not in ("", "-", "1") else ""
 
 
 def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed) -> Row:

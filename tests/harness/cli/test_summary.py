@@ -75,7 +75,11 @@ def test_the_end_of_a_run_fits_on_a_screen(
     cells, rows = matrix(failing)
     lines = printed(capsys, cells, rows, Path("results/runs/20260101T000000Z-abcdef"), headlines(cells))
     assert len(lines) <= SCREEN - AROUND
-    first = next(k for k, line in enumerate(lines) if line.startswith("farthest from the physics, of 200 pairs"))
+    first = next(
+        k
+        for k, line in enumerate(lines)
+        if line.startswith("largest errors against exact physics (200 case-engine pairs)")
+    )
     told = 3 if failing else 8
     assert [line.split()[:2] for line in lines[first + 1 : first + told + 1]] == [
         ["99.6", "%"],
@@ -186,7 +190,7 @@ def test_numbers_say_what_is_wrong_and_what_has_none_hides_none(capsys: pytest.C
         ]
         assert sum("spin_2" in line for line in lines) == 1, "each failure once"
         (passed,) = [line.strip() for line in lines if line.strip().startswith("pass")]
-        assert ("found +1, expected +1: error 0, tolerance 0.1" in passed) == everything
+        assert ("found +1, expected +1: error 0 rad/s, tolerance 0.1" in passed) == everything
     assert "checks: 4 fail, 1 pass" in lines
 
 
