@@ -304,7 +304,7 @@ def run(
     show_summary(shown, rows, folder, headlines)
     bad = [(WORST_FIRST.index(each.status), k) for k, each in enumerate(results) if each.status in BAD]
     if code and bad:
-        typer.echo(f"the first of these again: {run_command(cells[min(bad)[1]])}")
+        typer.echo(f"to repeat the first cell that failed: {run_command(cells[min(bad)[1]])}")
     for text in idle:
         typer.echo(f"error: {text}", err=True)
     if nothing:

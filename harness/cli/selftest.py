@@ -36,7 +36,7 @@ def selftest(
         typer.Option("--jobs", "-j", metavar="N", min=1, help="Engines at the same time. None: one a core."),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Run each wrong engine on the one variant that is known to catch it.")
+        bool, typer.Option("--quick", help="Run each defect on the one variant that is known to catch it.")
     ] = False,
     show: Annotated[bool, typer.Option("--list", help="List the defects and run nothing.")] = False,
     json_file: Annotated[

@@ -51,8 +51,8 @@ def files_of(language: str | None, *, spheres: bool = False) -> dict[str, str]:
     """
     if spheres and language not in OF_SPHERES:
         raise UsageError(
-            f"--spheres goes with --language {' or '.join(OF_SPHERES)}: there is no skeleton of an engine in space in C; a package that is "
-            "imported takes both kinds of scene in its `supports` and `run`, see docs/reference/engines.md"
+            f"--spheres goes with --language {' or '.join(OF_SPHERES)}; a Python package, without --language, takes scenes of both "
+            "dimensions in its `supports` and `run`, see docs/reference/engines.md"
         )
     if language is None:
         return FILES

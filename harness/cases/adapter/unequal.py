@@ -64,7 +64,7 @@ def unequal_probes(info: EngineInfo) -> Iterator[tuple[str, Probe]]:
     def probe(name: str, case: Any, mend: str, **params: Value) -> tuple[str, Probe]:
         return name, from_case(case, info, name.partition(": ")[2], mend, params)
 
-    mend = "both bodies get a torque of the same sign, arm times fs, each with its own arm, mass and inertia"
+    mend = "each body has its own radius, mass and inertia; both get a torque of the same sign, their own arm times fs"
     yield probe("pairs: oblique impact", TWO_DISKS, mend, across=3.0, restitution=0.5)
     yield probe("pairs: oblique impact that sticks", TWO_DISKS, mend, across=-1.2, restitution=0.5, mass_2=100.0)
     yield probe("pairs: impact of heavy disks", BINARY, "the effective mass of a pair is m1 m2/(m1 + m2)", **HEAVY)

@@ -92,7 +92,7 @@ def test_what_a_run_says_to_do_again_gives_the_same(tmp_path: Path) -> None:
     engine = shlex.join([sys.executable, "an engine.py", "good"])
     given = ["--engine-cmd", engine, "--set", "kind=elastic", "--option", "bad.effort=5", "--engine", "pymunk"]
     first = shell(shlex.join(["ninedisk", "run", "binary-collision", *given, "--json", "first.json"]), tmp_path)
-    line = next(line for line in first.stdout.splitlines() if line.startswith("the first of these again: "))
+    line = next(line for line in first.stdout.splitlines() if line.startswith("to repeat the first cell that failed: "))
     again = shell(f"{line.partition(': ')[2]} --json again.json", tmp_path)
     assert (first.returncode, again.returncode) == (1, 1), again.stdout + again.stderr
     rows, more = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("again", "first"))
