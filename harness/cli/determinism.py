@@ -176,4 +176,4 @@ def _show(rows: Sequence[Row]) -> None:
         text = f"{engine} [{mine[0]['scene']}]: the same to the last bit: {', '.join(same) or 'never'}"
         out.print(one_line(text + (f"; not applicable: {', '.join(none)}" if none else "")), soft_wrap=True)
     worse = sum(worse_than_promised(row) for row in rows)
-    out.print(f"{len(rows)} repetitions, {worse} of them not what they must be")
+    out.print(f"{len(rows)} repetitions, {worse} of them worse than required")
