@@ -124,9 +124,10 @@ class DemSession:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or one that is held in a motion, or a preloaded pair does not touch.
+        If the scene has no disk, or a preloaded pair does not touch.
     InvalidNumericsError
-        If the numerics ask for the static limit, or the number of threads is not allowed.
+        If the numerics ask for the static limit, or for the energy budget of a scene with a disk that is held in a motion, or the number
+        of threads is not allowed.
     UnstableTimeStepError
         If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False; also on the way, as contacts form.
     """
@@ -453,9 +454,10 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or one that is held in a motion, or friction without a shear spring.
+        If the scene has no disk, or friction without a shear spring.
     InvalidNumericsError
-        If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
+        If the numerics ask for the static limit, for the energy budget of a scene with a disk that is held in a motion, or have options
+        for the DEM, which has none, or the number of threads is not allowed.
     """
     check_run(scene, numerics, "the DEM", LACKS)
     check_shear_springs(scene.laws_in_use)
@@ -469,11 +471,11 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
         raise InvalidNumericsError(
             f"energy_budget is not allowed {where}: the DEM has it for disks between walls; leave it out"
         )
-    moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
-    if moved.any():
-        raise InvalidSceneError(
-            f"disk {int(np.argmax(moved))} is held in a motion, which the DEM cannot express: free it, hold it at rest (both "
-            "components, not rotating), or use contact dynamics"
+    driven = (scene.disks.held & (scene.disks.v != 0.0)).any(axis=1)
+    if numerics.energy_budget and driven.any():
+        raise InvalidNumericsError(
+            f"energy_budget = True is not allowed with disk {int(np.argmax(driven))} held in a motion, whose work is not counted: hold "
+            "it at rest, or let a wall move"
         )
     if numerics.regime != "dynamic":
         raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")

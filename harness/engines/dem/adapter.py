@@ -32,7 +32,6 @@ OPTIONS: Mapping[str, Option] = {
 LACKS = frozenset(
     {
         Capability.RESTITUTION,
-        Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
         Capability.ADHESION,
     }
@@ -41,10 +40,7 @@ LACKS = frozenset(
 DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
-LACKS_3D = LACKS - {Capability.HELD_MOTION}
-"""What is lacking in 3D, where a sphere's velocity can be held."""
-
-LACKS_IN_CELL = LACKS_3D | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
+LACKS_IN_CELL = LACKS | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
 """And in a periodic cell in 3D."""
 
 
@@ -129,7 +125,7 @@ class DemEngine:
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
     if isinstance(scene, SphereScene):
-        return LACKS_3D if scene.cell is None else LACKS_IN_CELL
+        return LACKS if scene.cell is None else LACKS_IN_CELL
     return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 
