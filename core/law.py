@@ -256,9 +256,10 @@ class ContactLaw:
         of disks. R of an outline is the radius of the disk of the same area, and a wall has 1/R = 0.
         2D only.
     rolling : Rolling or None
-        Rolling resistance; None: none. In 3D the torque is a vector across the normal, and the model "viscous" is not to be had.
+        Rolling resistance; None: none. In 3D the torque is a vector across the normal.
     twisting : Rolling or None
-        Resistance to relative spin about the normal, as ``rolling``; the moments of inertia of its dashpot are about the centres. 3D only.
+        Resistance to relative spin about the normal, as ``rolling`` but not "viscous"; the moments of inertia of its dashpot are about the
+        centres. 3D only.
     surface_energy : float
         Surface energy g of one face [J/m^2], >= 0, of Hertz-Mindlin. 3D only.
     surface : {"dmt", "jkr"}
@@ -389,9 +390,9 @@ class ContactLaw:
                 raise InvalidSceneError(
                     f"{name}: {each} = {shown} is not allowed in {dimension}D, which does not have it: leave it out"
                 )
-        if dimension == 3 and self.rolling is not None and self.rolling.model == "viscous":
+        if self.twisting is not None and self.twisting.model == "viscous":
             raise InvalidSceneError(
-                f"{name}: rolling model 'viscous' is not allowed in 3D: use one of constant, elastic-plastic"
+                f"{name}: twisting model 'viscous' is not allowed: use one of constant, elastic-plastic"
             )
 
     def to_dict(self, dimension: int = 2) -> dict[str, Any]:

@@ -70,6 +70,7 @@ class Capability(StrEnum):
     BODY_FORCES_3D = "forces and torques on single spheres, by segments of time"
     COHESION_3D = "linear cohesion of spheres beside the normal spring"
     PERIODIC_CELL_3D = "periodic cell of spheres, at rest or deforming affinely"
+    ROLLING_VISCOUS_3D = "rolling resistance of spheres by a viscous torque (model B)"
 
 
 def wire_name(capability: Capability) -> str:
@@ -159,6 +160,7 @@ IN_3D: Mapping[Capability, Capability] = {
     Capability.BODY_FORCES: Capability.BODY_FORCES_3D,
     Capability.COHESION: Capability.COHESION_3D,
     Capability.PERIODIC_CELL: Capability.PERIODIC_CELL_3D,
+    Capability.ROLLING_VISCOUS: Capability.ROLLING_VISCOUS_3D,
 }
 """What a scene in 3D asks for instead: an engine that has these in 2D need not have them in 3D."""
 
