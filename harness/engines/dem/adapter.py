@@ -37,7 +37,13 @@ LACKS = frozenset(
     }
 )
 
-DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
+DISKS_ALONE = LACKS | {
+    Capability.HERTZ_MINDLIN_2D,
+    Capability.MATERIALS,
+    Capability.COHESION,
+    Capability.ENERGY_BUDGET,
+    *ROLLING.values(),
+}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
 LACKS_IN_CELL = LACKS | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
@@ -73,6 +79,11 @@ class DemEngine:
         missing = capabilities_needed(scene, numerics) & _lacks(scene)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
+        if isinstance(scene, Scene) and any(law.hertz for law in scene.laws_in_use):
+            from ninedisk.core.dem.disks_as_spheres import cannot_be_spheres
+
+            if words := cannot_be_spheres(scene):
+                return Support(SupportLevel.NO, (Capability.HERTZ_MINDLIN_2D,), (f"the DEM does not have {words}",))
         if any(law.regularised for law in scene.laws_in_use):
             return Support(
                 SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",)

@@ -59,8 +59,8 @@ def test_a_component_is_free_or_stays(form: Any) -> None:
 
 @pytest.mark.parametrize("outline", [False, True])
 def test_a_driven_disk_pushes_a_free_one_as_the_scheme_says(outline: bool) -> None:
-    """Touching at speed u, the overlap of step n is ``u dt sin(n a)/sin(a)`` with ``2 - 2 cos(a) = dt^2 kn/m``: the partner has no mass of
-    its own. Round-off of the distance, and of the chord of outlines, over an overlap of 1e-2."""
+    """Touching at speed u, the overlap of step n is ``u dt sin(n a)/sin(a)`` with ``2 - 2 cos(a) = dt^2 kn/m``: the partner has no mass
+    here. Round-off of the distance, and of the chord of outlines, over an overlap of 1e-2."""
     u, kn, dt, steps = 0.3, 1e4, 1e-4, 100
     shape: dict[str, Any] = {"outline": [-1, 0], "inertia": [1.0, 1.0]} if outline else {}
     disks = Disks(x=[[0.0, 0.0], [1.5, 0.0]], v=[[u, 0.0], [0.0, 0.0]], radius=[1.0, 0.5], mass=MASS[:2],
@@ -155,7 +155,7 @@ def test_threads_order_and_checkpoints_change_no_bit(monkeypatch: pytest.MonkeyP
 
 
 def test_the_step_that_numerics_leave_open_is_stable() -> None:
-    """A light disk between driven ones: the critical step is that of its own mass."""
+    """A light disk between driven ones: the critical step is that separate mass."""
     disks = Disks(x=[[0.0, 0.0], [1.99, 0.0], [3.98, 0.0]], v=[[0.1, 0.0], [0.0, 0.0], [0.1, 0.0]], radius=1.0, mass=[9.0, 0.1, 9.0],
                   held=[[True, True], [False, False], [True, True]])  # fmt: skip
     session = DemSession(Scene(disks=disks, disk_disk=ContactLaw(kn=1e4)), Numerics(dt=1e-3, n_steps=10))

@@ -305,6 +305,11 @@ PLANTED = {
     ),
     "no rolling spring": ("supports: ROLLING_SPRING", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
     "no cohesion": ("supports: COHESION", Planted(scene=laws(cohesion=0.0), support=EXACT), "overlap is"),
+    "another modulus": (
+        "supports: HERTZ_MINDLIN_2D",
+        Planted(scene=laws(e_star=1.01e7)),
+        "overlap is",
+    ),
     "no adhesion": ("supports: ADHESION", Planted(scene=laws(adhesion=0.0), support=EXACT), "y is"),
     "no images of spheres": (
         "supports: PERIODIC_CELL_3D",
