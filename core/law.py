@@ -185,11 +185,13 @@ class ContactLaw:
     ``a = sqrt(R delta)``:
 
     - linear: ``fn = kn delta + c delta'``, ``c = 2 beta sqrt(m kn)``; shear stiffness ``ks``;
-    - Hertz-Mindlin (3D): ``fn = (4/3) E* a delta + c delta'``, ``c = 2 sqrt(5/6) beta sqrt(m S)`` with the tangent stiffness
+    - Hertz-Mindlin: ``fn = (4/3) E* a delta + c delta'``, ``c = 2 sqrt(5/6) beta sqrt(m S)`` with the tangent stiffness
       ``S = 2 E* a`` (Tsuji, Tanaka & Ishida, Powder Technology 71 (1992) 239: ``alpha = sqrt(5) beta``); shear stiffness ``8 G* a``.
+      In 2D disks are taken for spheres of the same radii whose centres stay in the plane, as other programs do.
 
     The shear spring is cut off at ``mu`` times the repulsive part of fn, and in 3D it is turned with the contact. There is no dashpot
-    along the surface. In 2D dashpots do not pull (but see ``cohesion``); in 3D they may, at the end of a contact.
+    along the surface. In 2D linear dashpots do not pull (but see ``cohesion``); in 3D and with Hertz' law they may, at the end of a
+    contact.
 
     On disks the overlap is ``R_i + R_j - d``. On outlines a contact is a chord: between the two points where the outlines intersect,
     with the normal at right angles to it; the overlap is the extent of the common area along the normal, and normal forces act in
@@ -208,7 +210,7 @@ class ContactLaw:
         Shear contact stiffness [N/m], >= 0. Springs without it carry no friction: the DEM and elastic contacts of contact dynamics
         refuse ``mu > 0`` with ``ks = 0``.
     e_star, g_star : float
-        ``E*`` and ``G*`` [Pa] of Hertz-Mindlin (`moduli`), E* > 0; 0 for the linear law. 3D only.
+        ``E*`` and ``G*`` [Pa] of Hertz-Mindlin (`moduli`), E* > 0; 0 for the linear law.
     mu : float
         Coulomb friction coefficient [-], >= 0; 0 means a smooth contact.
     beta : float
@@ -240,7 +242,7 @@ class ContactLaw:
     unloading : {"none", "force", "rescale"}
         Shear spring of Hertz-Mindlin while the contact radius changes, as LAMMPS names it: the spring keeps its displacement s and the
         force is ``8 G* a s`` ("none": mindlin), the same with s scaled by a over its former value where a falls ("rescale":
-        mindlin_rescale), or the force itself is kept and grows by ``8 G* a ds`` ("force": mindlin/force). 3D only.
+        mindlin_rescale), or the force itself is kept and grows by ``8 G* a ds`` ("force": mindlin/force).
     contact : {"chord", "area"}
         Normal force of outlines: ``kn`` times the overlap ("chord"), which away from circles has no potential, or the gradient of an
         energy of the common area ("area"). Its derivation, with A the common area of a contact and c its chord:
@@ -256,9 +258,10 @@ class ContactLaw:
         of disks. R of an outline is the radius of the disk of the same area, and a wall has 1/R = 0.
         2D only.
     rolling : Rolling or None
-        Rolling resistance; None: none. In 3D the torque is a vector across the normal, and the model "viscous" is not to be had.
+        Rolling resistance; None: none. In 3D the torque is a vector across the normal.
     twisting : Rolling or None
-        Resistance to relative spin about the normal, as ``rolling``; the moments of inertia of its dashpot are about the centres. 3D only.
+        Resistance to relative spin about the normal, as ``rolling`` but not "viscous"; the moments of inertia of its dashpot are about the
+        centres. 3D only.
     surface_energy : float
         Surface energy g of one face [J/m^2], >= 0, of Hertz-Mindlin. 3D only.
     surface : {"dmt", "jkr"}
@@ -389,9 +392,9 @@ class ContactLaw:
                 raise InvalidSceneError(
                     f"{name}: {each} = {shown} is not allowed in {dimension}D, which does not have it: leave it out"
                 )
-        if dimension == 3 and self.rolling is not None and self.rolling.model == "viscous":
+        if self.twisting is not None and self.twisting.model == "viscous":
             raise InvalidSceneError(
-                f"{name}: rolling model 'viscous' is not allowed in 3D: use one of constant, elastic-plastic"
+                f"{name}: twisting model 'viscous' is not allowed: use one of constant, elastic-plastic"
             )
 
     def to_dict(self, dimension: int = 2) -> dict[str, Any]:
@@ -420,7 +423,7 @@ SphereLaw = ContactLaw
 
 ONLY_IN: dict[int, tuple[str, ...]] = {
     2: ("wall_velocity_at", "contact", "adhesion"),
-    3: ("e_star", "g_star", "unloading", "twisting", "surface_energy", "surface", "friction_pull"),
+    3: ("twisting", "surface_energy", "surface", "friction_pull"),
 }
 """What a law may have in scenes of one dimension only."""
 
@@ -437,6 +440,11 @@ def check_shear_springs(laws: Iterable[ContactLaw]) -> None:
     """
     for law in laws:
         if law.mu > 0.0 and law.ks == 0.0 and law.g_star == 0.0:
+            if law.hertz:
+                raise InvalidSceneError(
+                    f"mu = {law.mu:g} with g_star = 0 is not allowed: friction acts through a shear spring, which the contact does not "
+                    "have; give g_star > 0 (in proportion to e_star), or mu = 0"
+                )
             raise InvalidSceneError(f"mu = {law.mu:g} with ks = 0 is not allowed: {NO_SHEAR_SPRING}")
 
 

@@ -194,8 +194,8 @@ def check_run(scene: Scene, numerics: Numerics, method: str = "", lacks: Collect
     method : str
         Its name in messages.
     lacks : collection of str
-        Of "materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "rolling resistance" and "rolling resistance
-        (MODEL)".
+        Of "materials", "forces on disks", "a periodic cell", "cohesion", "adhesion", "Hertz' law", "rolling resistance" and "rolling
+        resistance (MODEL)".
 
     Raises
     ------
@@ -213,6 +213,7 @@ def check_run(scene: Scene, numerics: Numerics, method: str = "", lacks: Collect
         "a periodic cell": scene.cell is not None,
         "cohesion": any(law.cohesion > 0.0 for law in laws),
         "adhesion": any(law.adhesion > 0.0 for law in laws),
+        "Hertz' law": any(law.hertz for law in laws),
         "rolling resistance": bool(models),
         **{f"rolling resistance ({model})": True for model in models},
     }

@@ -107,7 +107,7 @@ BUDGET = {
 """Energies that are sampled with `Numerics.energy_budget`, and where they are in the losses of `note_losses`. Kinetic, elastic and
 gravity's energy and all losses together grow by the works, to round-off."""
 
-LACKS = ("a periodic cell", "rolling resistance")
+LACKS = ("a periodic cell", "Hertz' law", "rolling resistance")
 """What scenes may ask for and contact dynamics lacks (`check_run`)."""
 
 

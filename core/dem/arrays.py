@@ -100,13 +100,14 @@ def disk_arrays(scene: Scene, lagged: bool, budget: bool = False) -> DiskArrays:
     rolls = [law.rolling for law in laws if law.rolling is not None]
     drags = any(rolling.model == "viscous" or rolling.beta > 0.0 for rolling in rolls)
     damped = not lagged and (drags or any(law.beta > 0.0 for law in laws))
+    moved = disks.held.any(axis=1) & ~disks.fixed
     arrays = DiskArrays(
         x=disks.x,
         v=disks.v,
         angle=np.zeros(n),
         omega=disks.omega,
         radius=disks.radius,
-        inv_mass=np.where(disks.fixed, 0.0, 1.0 / disks.mass),
+        inv_mass=np.where(disks.held.all(axis=1), 0.0, 1.0 / disks.mass),
         inv_inertia=np.where(disks.rotating, 1.0 / disks.inertia, 0.0),
         force=np.zeros((n, 2)),
         torque=np.zeros(n),
@@ -117,6 +118,9 @@ def disk_arrays(scene: Scene, lagged: bool, budget: bool = False) -> DiskArrays:
         name=np.arange(n, dtype=np.uint32),
         place=np.arange(n, dtype=np.uint32),
         listed=np.arange(n, dtype=np.uint32),
+        free=np.column_stack([~disks.held, np.where(disks.fixed, 0.0, disks.mass)])
+        if moved.any()
+        else np.zeros((0, 3)),
     )
     return DiskArrays(*(aligned(array) for array in arrays))
 

@@ -92,8 +92,10 @@ def critical_time_step(scene: Scene, *, damping_form: DampingForm = "central") -
     Raises
     ------
     InvalidSceneError
-        If two centres coincide.
+        If two centres coincide, or a law is Hertz', whose stiffness depends on the motion.
     """
+    if any(law.hertz for law in scene.laws_in_use):
+        raise InvalidSceneError("critical_time_step is of linear laws: for Hertz' law take critical_dt of a DemSession")
     return _step(max(_network_rate(scene, damping_form), _single_contact_rate(scene, damping_form)))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,7 @@ from ninedisk.core.dem.arrays import (
     watch_arrays,
     with_law_capacity,
 )
+from ninedisk.core.dem.counts import Counts
 from ninedisk.core.dem.critical import Place, present_time_step
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
@@ -88,13 +89,16 @@ from ninedisk.core.scene.motion import compile_motion
 from ninedisk.core.threads import check_threads, run_in_threads
 from ninedisk.core.validate import whole
 
+if TYPE_CHECKING:
+    from ninedisk.core.dem.disks_as_spheres import DisksAsSpheres
+
 STEPS_TIMES_DISKS = 16_000_000
 """Particle-steps in one call of the kernel: a fraction of a second, so that progress and Ctrl-C work."""
 
 LACKS = ("adhesion",)
 """What scenes may ask for and the DEM lacks (`check_run`)."""
 
-OUTLINES_LACK = CELL_LACKS = ("materials", "cohesion", "rolling resistance")
+OUTLINES_LACK = CELL_LACKS = ("materials", "cohesion", "rolling resistance", "Hertz' law")
 """What it lacks as well where contacts are those of outlines, and in a periodic cell."""
 
 
@@ -124,9 +128,10 @@ class DemSession:
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or one that is held in a motion, or a preloaded pair does not touch.
+        If the scene has no disk, or a preloaded pair does not touch.
     InvalidNumericsError
-        If the numerics ask for the static limit, or the number of threads is not allowed.
+        If the numerics ask for the static limit, or for the energy budget of a scene with a disk that is held in a motion, or the number
+        of threads is not allowed.
     UnstableTimeStepError
         If the contact step exceeds the critical one and ``numerics.allow_unstable`` is False; also on the way, as contacts form.
     """
@@ -146,6 +151,13 @@ class DemSession:
         self.pairs = watched_pairs(scene, watch)
         self.chosen = chosen_particles(scene, particles)
         check_memory(numerics, len(self.chosen), m, len(self.pairs))
+        self._spheres: DisksAsSpheres | None = None
+        if has_hertz(scene):
+            from ninedisk.core.dem.disks_as_spheres import DisksAsSpheres
+
+            self._spheres = DisksAsSpheres(scene, numerics, self.pairs, self.chosen, threads=threads)
+            self.contact_dt, self.critical_dt, self.substeps = self._spheres.steps
+            return
         self.contact_dt, self.critical_dt = contact_step(scene, numerics)
         self.substeps = numerics.substeps(self.contact_dt)
         in_order = n >= SORT_FROM
@@ -186,6 +198,8 @@ class DemSession:
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
         self.__dict__.update(saved)
+        if self._spheres is not None:
+            return
         self._disks = DiskArrays(*(aligned(array) for array in self._disks))
         self._note_lists()
 
@@ -218,6 +232,8 @@ class DemSession:
             If contacts have formed for which the contact step is too long, and ``numerics.allow_unstable`` is False.
         """
         check_progress(progress)
+        if self._spheres is not None:
+            return self._spheres.run(progress)
         target = self.numerics.n_steps * self.substeps
         stride = max(1, STEPS_TIMES_DISKS // len(self.scene.disks))
         while self._progress.clock[state.STEP] < target or self._progress.clock[state.PENDING]:
@@ -229,6 +245,9 @@ class DemSession:
     def advance(self, steps: int) -> None:
         """Advance by ``steps`` steps ``numerics.dt``, at most to the last one; raises as `run`."""
         count = whole("steps", steps, 0, MOST_STEPS)
+        if self._spheres is not None:
+            self._spheres.advance(count)
+            return
         last = self.numerics.n_steps * self.substeps
         self._advance(min(last, int(self._progress.clock[state.STEP]) + count * self.substeps))
 
@@ -237,6 +256,8 @@ class DemSession:
 
         Positions and angles belong to this time, velocities ``v`` and spins ``omega`` to half a contact step before it.
         """
+        if self._spheres is not None:
+            return self._spheres.snapshot()
         disks, place = self._disks, self._disks.place
         names = ("x", "v", "angle", "omega", "radius")
         return int(self._progress.clock[state.STEP]) * self.contact_dt, {
@@ -245,6 +266,8 @@ class DemSession:
 
     def shear_forces(self) -> dict[Pair, float]:
         """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
+        if self._spheres is not None:
+            return self._spheres.shear_forces()
         if self._outlines is not None:
             return shear_of_grains(self._outlines)
         return shear_by_pair(self._disks, self._lists.pairs, self._lists.wall_pairs)
@@ -252,6 +275,8 @@ class DemSession:
     @property
     def counts(self) -> Counts:
         """Rebuilds so far, pairs that the present lists hold, contacts at the present positions."""
+        if self._spheres is not None:
+            return self._spheres.counts
         rebuilds = int(self._progress.clock[state.REBUILDS])
         return count(
             self._disks, self._walls, self._lists.pairs, self._lists.wall_pairs, self._outlines, self._images, rebuilds
@@ -259,6 +284,8 @@ class DemSession:
 
     def warm_up(self) -> None:
         """Compile or load the kernels on a copy of the scene; this session's state stays as it is."""
+        if self._spheres is not None:
+            return  # it has found the forces of time 0, with the kernels of all steps
         once = self.numerics.replace(n_steps=1, sample_every=1, sample_until=None)
         DemSession(self.scene, once, self.pairs, threads=self._threads).run()
 
@@ -275,7 +302,8 @@ class DemSession:
         UnwritableFileError
             If it cannot be written.
         """
-        write_checkpoint(path, self.scene, self.numerics, self._state())
+        arrays = self._state() if self._spheres is None else self._spheres.arrays()
+        write_checkpoint(path, self.scene, self.numerics, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, n_steps: int | None = None, threads: int = 1) -> DemSession:
@@ -299,6 +327,14 @@ class DemSession:
         scene, numerics, arrays = read_checkpoint(path, Scene)
         if n_steps is not None:
             numerics = numerics.replace(n_steps=n_steps)
+        if has_hertz(scene):
+            from ninedisk.core.dem.disks_as_spheres import DisksAsSpheres
+
+            watch, chosen = DisksAsSpheres.asked(arrays)
+            session = cls(scene, numerics, watch, chosen, threads=threads)
+            if session._spheres is not None:
+                session._spheres.restore(arrays)
+            return session
         watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
         session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
         done = int(arrays["clock"][state.STEP])
@@ -437,6 +473,8 @@ class DemSession:
 
     def history(self) -> History:
         """What has been sampled so far."""
+        if self._spheres is not None:
+            return self._spheres.history()
         rows = int(self._progress.clock[state.ROW])
         numerics = self.numerics
         left_out = set() if numerics.energy_budget else set(ENERGIES[8:])
@@ -447,15 +485,21 @@ class DemSession:
         return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs, left_out)
 
 
+def has_hertz(scene: Scene) -> bool:
+    """Whether a law in use is Hertz'."""
+    return any(law.hertz for law in scene.laws_in_use)
+
+
 def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     """Refuse what the DEM cannot run.
 
     Raises
     ------
     InvalidSceneError
-        If the scene has no disk or one that is held in a motion, or friction without a shear spring.
+        If the scene has no disk, or friction without a shear spring.
     InvalidNumericsError
-        If the numerics ask for the static limit or have options for the DEM, which has none, or the number of threads is not allowed.
+        If the numerics ask for the static limit, for the energy budget of a scene with a disk that is held in a motion, or have options
+        for the DEM, which has none, or the number of threads is not allowed.
     """
     check_run(scene, numerics, "the DEM", LACKS)
     check_shear_springs(scene.laws_in_use)
@@ -469,11 +513,11 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
         raise InvalidNumericsError(
             f"energy_budget is not allowed {where}: the DEM has it for disks between walls; leave it out"
         )
-    moved = scene.disks.held.any(axis=1) & ~scene.disks.fixed
-    if moved.any():
-        raise InvalidSceneError(
-            f"disk {int(np.argmax(moved))} is held in a motion, which the DEM cannot express: free it, hold it at rest (both "
-            "components, not rotating), or use contact dynamics"
+    driven = (scene.disks.held & (scene.disks.v != 0.0)).any(axis=1)
+    if numerics.energy_budget and driven.any():
+        raise InvalidNumericsError(
+            f"energy_budget = True is not allowed with disk {int(np.argmax(driven))} held in a motion, whose work is not counted: hold "
+            "it at rest, or let a wall move"
         )
     if numerics.regime != "dynamic":
         raise InvalidNumericsError(f"regime = {numerics.regime!r} needs contact dynamics: the DEM has inertia")
@@ -506,28 +550,6 @@ def history_of(
         stress=data["stress"] if periodic else None,
         **{name: data[name] for name in fields},
     )
-
-
-class Counts(NamedTuple):
-    """What a run has done and holds at present; the same for any number of threads.
-
-    Attributes
-    ----------
-    rebuilds : int
-        Rebuilds of the neighbour lists since time 0, not counting the lists that a session begins with; a checkpoint carries it on.
-    pairs, wall_pairs : int
-        Pairs of disks, and of a disk and a wall, that the present lists hold: those whose gap was below the skin at the last rebuild.
-        Each costs in every step: a pair of disks as much as a contact, one with a wall a distance.
-    contacts, wall_contacts : int
-        Pairs of disks, and of a disk and a wall, that overlap at the present positions; of bodies with outlines the contacts of
-        the last finished step, of which a pair can have several (before the first step those that carry a preload).
-    """
-
-    rebuilds: int
-    pairs: int
-    wall_pairs: int
-    contacts: int
-    wall_contacts: int
 
 
 @kernel

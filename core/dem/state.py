@@ -21,6 +21,9 @@ LAW_COLUMNS = 13
 CONSTANT, VISCOUS, SPRING = range(3)
 """Models of rolling resistance. A contact without any is one of CONSTANT with the coefficient 0."""
 
+MASS = 2
+"""Column of `DiskArrays.free` after those of the components."""
+
 FRICTION, DASHPOT, ROLLING, ROLLING_DASHPOT, OF_LAW = range(5)
 """Channels of `Losses`."""
 
@@ -55,8 +58,8 @@ class DiskArrays(NamedTuple):
     ----------
     x, v : shape (n, 2), [m], [m/s]
     angle, omega : shape (n,), [rad], [rad/s]
-    radius, inv_mass, inv_inertia : shape (n,), [m], [1/kg], [1/(kg m^2)]; ``inv_mass`` is 0 for a disk that is fixed, and
-        ``inv_inertia`` for one that does not rotate
+    radius, inv_mass, inv_inertia : shape (n,), [m], [1/kg], [1/(kg m^2)]; ``inv_mass`` is 0 for a disk that is held in both
+        directions, and ``inv_inertia`` for one that does not rotate
     force : shape (n, 2), contact forces at ``t_n`` [N]; scratch during a rebuild
     torque : shape (n,), contact torques at ``t_n`` [N m]; scratch during a rebuild
     v_now : shape (n, 2), velocity that contact dashpots see [m/s]; shape (0, 2) where there is none, or where it is ``v``
@@ -66,6 +69,8 @@ class DiskArrays(NamedTuple):
     name : ndarray of uint32, shape (n,), number that the scene gives to the disk in this row
     place : ndarray of uint32, shape (n,), row of the scene's disk
     listed : ndarray of uint32, shape (n,), row that this disk had when the lists in use were built
+    free : shape (n, 3), by the scene's numbers: 1 where the components x and y of the velocity are free, 0 where they are held; mass [kg]
+        of a disk that is not fixed; shape (0, 3) where no disk is held but those that are fixed
     """
 
     x: FloatArray
@@ -84,6 +89,7 @@ class DiskArrays(NamedTuple):
     name: NDArray[np.uint32]
     place: NDArray[np.uint32]
     listed: NDArray[np.uint32]
+    free: FloatArray
 
 
 class Views(NamedTuple):

@@ -70,6 +70,8 @@ class Capability(StrEnum):
     BODY_FORCES_3D = "forces and torques on single spheres, by segments of time"
     COHESION_3D = "linear cohesion of spheres beside the normal spring"
     PERIODIC_CELL_3D = "periodic cell of spheres, at rest or deforming affinely"
+    ROLLING_VISCOUS_3D = "rolling resistance of spheres by a viscous torque (model B)"
+    HERTZ_MINDLIN_2D = "Hertz-Mindlin contact of disks, as of spheres whose centres stay in a plane"
 
 
 def wire_name(capability: Capability) -> str:
@@ -121,6 +123,7 @@ EXTRAS = frozenset(ROLLING.values()) | {
     Capability.ADHESION,
     Capability.PERIODIC_CELL,
     Capability.ENERGY_BUDGET,
+    Capability.HERTZ_MINDLIN_2D,
 }
 """What few engines have beside disks, walls and Coulomb's law."""
 
@@ -159,8 +162,12 @@ IN_3D: Mapping[Capability, Capability] = {
     Capability.BODY_FORCES: Capability.BODY_FORCES_3D,
     Capability.COHESION: Capability.COHESION_3D,
     Capability.PERIODIC_CELL: Capability.PERIODIC_CELL_3D,
+    Capability.ROLLING_VISCOUS: Capability.ROLLING_VISCOUS_3D,
 }
 """What a scene in 3D asks for instead: an engine that has these in 2D need not have them in 3D."""
+
+IN_2D: Mapping[Capability, Capability] = {Capability.HERTZ_MINDLIN: Capability.HERTZ_MINDLIN_2D}
+"""And a scene in 2D."""
 
 SPACE = (
     frozenset(UNLOADING.values())
@@ -266,7 +273,7 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
     if scene.cell is not None:
         need.add(Capability.PERIODIC_CELL)
     if isinstance(scene, Scene):
-        return frozenset(need | _needed_in_2d(scene))
+        return frozenset(IN_2D.get(each, each) for each in need | _needed_in_2d(scene))
     return frozenset(IN_3D.get(each, each) for each in need)
 
 
@@ -327,4 +334,4 @@ def _turning(scene: Scene | SphereScene) -> list[ContactLaw]:
         if rotates or (wall.law.lever_arm == "overlap" and scene.disks.rotating.any()):
             laws.append(wall.law)
     laws += scene.laws.values()
-    return [law for law in laws if law.shear_stiffness > 0.0 and not law.regularised]
+    return [law for law in laws if law.mu > 0.0 and max(law.ks, law.g_star) > 0.0 and not law.regularised]

@@ -25,7 +25,7 @@ import ninedisk
 from ninedisk.core import packings
 from ninedisk.core.compile import source_hash
 from ninedisk.core.dem.arrays import SORT_FROM
-from ninedisk.core.dem.session import Counts
+from ninedisk.core.dem.counts import Counts
 from ninedisk.core.errors import CoreError, InvalidSceneError
 from ninedisk.core.law import ContactLaw, LeverArm, SlipAt
 from ninedisk.core.numerics import Numerics

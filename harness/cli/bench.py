@@ -34,7 +34,7 @@ def bench(
         list[str] | None,
         typer.Argument(
             metavar="SUITE",
-            help="dem, spheres, cd, coulomb, coulomb3d, flow or harness. None: all but coulomb3d.",
+            help="dem, spheres, cd, coulomb, coulomb3d, flow or harness. None: all except coulomb3d.",
         ),
     ] = None,
     problem: Annotated[

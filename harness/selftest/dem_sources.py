@@ -142,6 +142,8 @@ RETRACED = (
 )  # fmt: skip
 
 OPTIONS = (
+    _python("held-mass", "the mass of a disk that is held counts in its dashpots", "held",
+            ("dem.arrays", "disk_arrays", "disks.held.all(axis=1)", "disks.fixed")),
     _kernel("rolling-sign-at-walls", "walls turn disks on instead of holding them back", "resist-constant",
             (FORCES, WALLS, "disks.torque[i] -= bending", "disks.torque[i] += bending")),
     _kernel("rolling-one-body", "rolling resistance acts on one disk of a pair", "resist-pair",

@@ -97,6 +97,7 @@ DEM_PANEL: dict[str, Probe] = {
     "cell-flow": Probe(SHEAR_CELL, {"kind": "flow", "rows": 8}, long=True),
     "budget": Probe(BUDGET, {"duration": 0.2}),
     "unequal": Probe(TWO, {"across": -1.2, "restitution": 0.5, "kn": 1e7}),
+    "held": Probe("impact/held-disk", {"partner": "held"}),
     "six": Probe(CLUSTER, {"arrangement": "six"}),
     "nine": Probe(CLUSTER, {"arrangement": "many"}),
     "box": Probe(CLUSTER, {"arrangement": "box", "blocked": True}),

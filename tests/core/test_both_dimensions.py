@@ -33,8 +33,20 @@ LAWS: dict[str, dict[str, Any]] = {
     "arm R - overlap/2": {"lever_arm": "overlap"},
     "arm R - overlap/2 of the torque": {"lever_arm": "torque-overlap"},
     "constant rolling resistance": {"rolling": Rolling(model="constant", mu=0.05)},
+    "viscous rolling resistance": {"rolling": Rolling(model="viscous", mu=0.02)},
     "rolling spring": {"rolling": SPRING},
     "cohesion": {"cohesion": 2.5e3, "beta": 0.1, "lever_arm": "overlap"},
+    "Hertz": {"kn": 0.0, "ks": 0.0, "mu": 0.0, "e_star": 3e4, "beta": 0.1},
+    "Hertz-Mindlin": {"kn": 0.0, "ks": 0.0, "e_star": 3e4, "g_star": 1.2e4, "beta": 0.1, "slip_at": "middle"},
+    "Hertz-Mindlin, rolling spring": {
+        "kn": 0.0,
+        "ks": 0.0,
+        "e_star": 3e4,
+        "g_star": 1.2e4,
+        "unloading": "rescale",
+        "rolling": SPRING,
+        "lever_arm": "overlap",
+    },
     "cohesion and rolling": {"cohesion": 2.5e3, "rolling": SPRING},
 }
 DAMPED: dict[str, dict[str, Any]] = {
@@ -44,15 +56,34 @@ DAMPED: dict[str, dict[str, Any]] = {
         "xi": 3.0,
         "also": {"rolling": SPRING, "cohesion": 1e3, "beta": 0.05},
     },
+    "central damping, viscous rolling resistance": {"xi": 3.0, "also": {"rolling": Rolling(model="viscous", mu=0.4)}},
     "forces": {"forces": True},
     "forces, lagged damping": {"forces": True, "xi": 2.0, "damping_form": "lagged"},
     "preload": {"preload": True},
     "preload, forces, damping": {"preload": True, "forces": True, "xi": 5.0},
+    "held": {"held": True},
+    "held, central damping, dashpots, rolling spring": {
+        "held": True,
+        "xi": 8.0,
+        "also": {"rolling": SPRING, "cohesion": 1e3, "beta": 0.05},
+    },
+    "held, lagged damping": {"held": True, "xi": 8.0, "damping_form": "lagged"},
+    "Hertz-Mindlin, preload, forces, held, damping": {
+        "preload": True,
+        "forces": True,
+        "held": True,
+        "at_rest": True,
+        "xi": 5.0,
+        "also": {"kn": 0.0, "ks": 0.0, "e_star": 3e4, "g_star": 1.2e4, "beta": 0.1},
+    },
+    "held, at rest": {"held": True, "at_rest": True, "xi": 2.0, "forces": True},
 }
 X = np.array([[0.0, 0.98], [1.7, 0.69], [0.85, 2.35], [-1.9, 1.2]])
 V = np.array([[0.3, -0.1], [-0.2, 0.4], [0.1, -0.9], [1.1, 0.2]])
 RADIUS, MASS, INERTIA = np.array([1.0, 0.7, 0.8, 0.6]), np.array([2.0, 1.1, 1.4, 0.9]), np.array([0.9, 0.3, 0.5, 0.2])
 OMEGA = np.array([0.5, -1.0, 2.0, -3.0])
+HELD = np.array([[True, False], [False, False], [False, True], [True, True]])
+"""Components that bodies keep: across, none, upwards, both; they turn."""
 PAIRS = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (1, 4), (3, 5)]
 WALLS = (
     ("floor", (0.0, 0.0), (0.0, 1.0), {"velocity": (0.1, 0.05), "duration": 0.4}),
@@ -66,9 +97,9 @@ WALLS = (
 STEPS = 1_000
 
 
-def both(law: ContactLaw, **more: Any) -> tuple[Scene, SphereScene]:
-    """The same scene in 2D and in 3D."""
-    soft = replace(law, kn=6e3, mu=0.7 * law.mu)
+def both(law: ContactLaw, *, held: bool = False, at_rest: bool = False, **more: Any) -> tuple[Scene, SphereScene]:
+    """The same scene in 2D and in 3D; ``held``: velocities are, and ``at_rest``: these are 0."""
+    soft = replace(law, **{"e_star": 2e4} if law.hertz else {"kn": 6e3}, mu=0.7 * law.mu)
     flat = [
         Wall(name=name, point=point, normal=normal, law=soft, motion=(WallSegment(**motion),))
         for name, point, normal, motion in WALLS
@@ -84,12 +115,23 @@ def both(law: ContactLaw, **more: Any) -> tuple[Scene, SphereScene]:
         for name, point, normal, motion in WALLS
     ]
     bodies = {"radius": RADIUS, "mass": MASS, "inertia": INERTIA}
-    zero = np.zeros((len(X), 1))
+    zero, keeps = np.zeros((len(X), 1)), HELD & held
+    v = np.where(keeps & at_rest, 0.0, V)
     return (
-        Scene(disks=Disks(x=X, v=V, omega=OMEGA, **bodies), disk_disk=law, walls=flat, gravity=(0.4, -9.0), **more),
+        Scene(
+            disks=Disks(x=X, v=v, omega=OMEGA, held=keeps, **bodies),
+            disk_disk=law,
+            walls=flat,
+            gravity=(0.4, -9.0),
+            **more,
+        ),
         SphereScene(
             spheres=Spheres(
-                x=np.hstack([X, zero]), v=np.hstack([V, zero]), omega=np.hstack([zero, zero, OMEGA[:, None]]), **bodies
+                x=np.hstack([X, zero]),
+                v=np.hstack([v, zero]),
+                omega=np.hstack([zero, zero, OMEGA[:, None]]),
+                held=np.hstack([keeps, keeps.all(axis=1)[:, None]]),
+                **bodies,
             ),
             sphere_sphere=law,
             walls=upright,
@@ -143,7 +185,7 @@ def differences(flat: History, solid: History) -> dict[str, float]:
         "fs": (flat.fs, np.sum(solid.fs[..., :2] * tangent, axis=-1)),
         "wall force": (flat.wall_force[..., :2], solid.wall_force[..., :2]),
         "out of z = 0": (np.zeros_like(solid.x[..., 2]), solid.x[..., 2]),
-        **{name: (flat.energy[name], solid.energy[name]) for name in springs},
+        **{name: (flat.energy.get(name, np.zeros(len(flat.t))), solid.energy[name]) for name in springs},
     }
     return {name: float(np.abs(one - two).max() / (np.abs(one).max() or 1.0)) for name, (one, two) in pairs.items()}
 
@@ -165,7 +207,7 @@ def histories(law: ContactLaw, contact_dt: float = 2e-4, **more: Any) -> tuple[H
         n_steps=STEPS,
         contact_dt=contact_dt,
         sample_every=50,
-        energy_budget=True,
+        energy_budget=more.get("at_rest", False) or not more.get("held", False),
         damping_form=more.pop("damping_form", "central"),
     )
     law = replace(law, **more.pop("also", {}))
@@ -209,10 +251,16 @@ def test_so_is_one_with_damping_forces_or_preload(loads: str) -> None:
     flat, solid = histories(LAW, **DAMPED[loads])
     found = differences(flat, solid)
     for name in ("damping_loss", "force_work"):
-        one, two = flat.energy.get(name, np.zeros(len(flat.t))), solid.energy[name]
+        zero = np.zeros(len(flat.t))
+        one, two = flat.energy.get(name, zero), solid.energy.get(name, zero)
         found[name] = float(np.abs(one - two).max() / (np.abs(one).max() or 1.0))
     assert max(found.values()) <= 1e-12, found
-    if "xi" in DAMPED[loads]:
+    driven = DAMPED[loads].get("held", False) and not DAMPED[loads].get("at_rest", False)
+    if "held" in DAMPED[loads]:
+        keeps = HELD[None].repeat(len(flat.t), axis=0)
+        assert np.array_equal(flat.v[keeps], flat.v[:1].repeat(len(flat.t), axis=0)[keeps])
+        assert (flat.fn > 0.0).any(axis=0).sum() >= 3
+    if "xi" in DAMPED[loads] and not driven:
         assert solid.energy["damping_loss"][-1] > 0.1
     if "forces" in DAMPED[loads]:
         assert abs(solid.energy["force_work"][-1]) > 0.1

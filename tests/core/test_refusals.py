@@ -233,9 +233,17 @@ def test_preload_that_could_not_act() -> None:
 
 
 def test_what_the_dem_cannot_express_is_refused() -> None:
-    disks = Disks(x=[[0.0, 0.0], [1.9, 0.0]], radius=1.0, mass=1.0, held=[[False, False], [False, True]])
-    with pytest.raises(InvalidSceneError, match="disk 1 is held in a motion, which the DEM cannot express"):
-        DemSession(scene(disks=disks), numerics(1e-3, 1))
+    disks = Disks(
+        x=[[0.0, 0.0], [1.9, 0.0]],
+        v=[[0.0, 0.0], [0.0, 0.1]],
+        radius=1.0,
+        mass=1.0,
+        held=[[True, False], [False, True]],
+    )
+    with pytest.raises(
+        InvalidNumericsError, match="disk 1 held in a motion, whose work is not counted: hold it at rest"
+    ):
+        DemSession(scene(disks=disks), numerics(1e-3, 1, energy_budget=True))
     with pytest.raises(InvalidNumericsError, match="regime = 'quasi-static' needs contact dynamics"):
         DemSession(scene(), numerics(1e-3, 1, regime="quasi-static"))
 

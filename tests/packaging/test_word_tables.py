@@ -37,9 +37,8 @@ OUTSIDE = (
 """Modules that run inside other programs."""
 
 PARTIAL = {
-    "core.dem.space.arrays.MODELS": "3D has no viscous resistance",
     "harness.api.capabilities.IN_3D": "most capabilities have one name in 2D and 3D",
-    "harness.api.capabilities.TWISTING": "3D has no viscous resistance",
+    "harness.api.capabilities.TWISTING": "resistance to twisting is never viscous",
     "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.differences.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",
     "harness.check_engine.verdict.CASE_OF": "some capabilities have a probe and no case of their own",

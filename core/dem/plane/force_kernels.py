@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_inline_kernel, fused_kernel, inline_kernel, kernel
+from ninedisk.core.dem.plane.kick_kernels import is_fixed
 from ninedisk.core.dem.state import (
     BEND,
     BEND_BETA,
@@ -362,7 +363,7 @@ def disk_wall_forces(
                 if laws is not None:
                     pairs.bending[k] = 0.0
                 continue
-            if height <= 0.0 and disks.inv_mass[i] > 0.0:
+            if height <= 0.0 and not is_fixed(disks, i):
                 record_behind_wall(disks, walls, stripe, i, w, height)
             if laws is not None:
                 law = laws.rows[law_at_wall(laws, disks, i, w)]

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.plane.force_kernels import normal_force, record_behind_wall, shear_force
+from ninedisk.core.dem.plane.kick_kernels import is_fixed
 from ninedisk.core.dem.state import (
     ARM_A,
     ARM_B,
@@ -287,7 +288,7 @@ def wall_forces(disks: DiskArrays, walls: WallArrays, outlines: Outlines, slip_d
     height = -(px * ux + py * uy)
     if disks.radius[i] - height <= 0.0:
         return True
-    if height <= 0.0 and disks.inv_mass[i] > 0.0:
+    if height <= 0.0 and not is_fixed(disks, i):
         record_behind_wall(disks, walls, 0, i, w, height)
         return True
     a, b = int(disks.name[i]), disks.x.shape[0] + w

@@ -40,7 +40,7 @@ from ninedisk.core.dem.plane.force_kernels import (
 )
 from ninedisk.core.dem.plane.kick_kernels import farther
 from ninedisk.core.dem.plane.neighbour_kernels import copy_list, divide, mark_built, put_in_order
-from ninedisk.core.dem.plane.sample_kernels import synchronised
+from ninedisk.core.dem.plane.sample_kernels import synchronised_part
 from ninedisk.core.dem.state import (
     BETA,
     KN,
@@ -478,8 +478,8 @@ def record_images(system: System, images: Images, samples: Samples, row: int, n:
                 continue
             ax = disks.force[i, 0] * disks.inv_mass[i] + step.kick.gravity_x
             ay = disks.force[i, 1] * disks.inv_mass[i] + step.kick.gravity_y
-            vx = synchronised(disks.v[i, 0], ax, step, start) - (xx * disks.x[i, 0] + xy * disks.x[i, 1])
-            vy = synchronised(disks.v[i, 1], ay, step, start) - yy * disks.x[i, 1]
+            vx = synchronised_part(disks, i, 0, ax, step, start) - (xx * disks.x[i, 0] + xy * disks.x[i, 1])
+            vy = synchronised_part(disks, i, 1, ay, step, start) - yy * disks.x[i, 1]
             m = 1.0 / disks.inv_mass[i]
             if turn == 0:
                 mass, px, py = mass + m, px + m * vx, py + m * vy

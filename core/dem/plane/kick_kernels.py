@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
-from ninedisk.core.dem.state import DiskArrays, Kick, Views
+from ninedisk.core.dem.state import MASS, DiskArrays, Kick, Views
 
 NUMBER = np.int64(0x7FFFFFFFFFFFFFFF)
 """All bits of a number but its sign."""
@@ -47,6 +47,26 @@ def gravity_factor(inv_mass: float) -> float:
 
 
 @inline_kernel
+def is_free(disks: DiskArrays, i: int, d: int) -> bool:
+    """Whether a component of the velocity of the disk in row i is not held, beside those of fixed disks, which nothing moves anyway."""
+    return disks.free[disks.name[i], d] > 0.0 if disks.free.shape[0] > 0 else True
+
+
+@inline_kernel
+def is_fixed(disks: DiskArrays, i: int) -> bool:
+    """Whether the disk in row i is fixed, and not only held in both directions."""
+    return mass_of(disks, i) == 0.0
+
+
+@inline_kernel
+def mass_of(disks: DiskArrays, i: int) -> float:
+    """Mass of the disk in row i [kg]; 0 of a fixed one, whose energy is none of the run's."""
+    if disks.inv_mass[i] > 0.0:
+        return float(1.0 / disks.inv_mass[i])
+    return float(disks.free[disks.name[i], MASS]) if disks.free.shape[0] > 0 else 0.0
+
+
+@inline_kernel
 def damping_loss(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
     """Energy that global damping takes from the disks ``begin .. end-1`` in the kick that follows [J], into ``disks.braked``."""
     one = np.uint64(1)
@@ -64,6 +84,9 @@ def damping_loss(disks: DiskArrays, views: Views, step: Kick, begin: int, end: i
         inv_mass, inv_inertia = disks.inv_mass[i], disks.inv_inertia[i]
         change_x = (keep - 1.0) * v[ix] + gain * (force[ix] * inv_mass + step.gravity_x)
         change_y = (keep - 1.0) * v[iy] + gain * (force[iy] * inv_mass + step.gravity_y)
+        if disks.free.shape[0] > 0:  # what is held here is at rest
+            change_x = change_x if is_free(disks, i, 0) else 0.0
+            change_y = change_y if is_free(disks, i, 1) else 0.0
         change = (keep - 1.0) * omega[i] + gain * (disks.torque[i] * inv_inertia)
         way = (v[ix] + seen * change_x) * (v[ix] + mean * change_x) + (v[iy] + seen * change_y) * (
             v[iy] + mean * change_y
@@ -86,6 +109,20 @@ def kick(
         weight = gravity_factor(inv_mass[i])
         v[ix] = keep * v[ix] + gain * (force[ix] * inv_mass[i] + weight * step.gravity_x)
         v[iy] = keep * v[iy] + gain * (force[iy] * inv_mass[i] + weight * step.gravity_y)
+        force[ix], force[iy] = 0.0, 0.0
+
+
+@inline_kernel
+def kick_held(disks: DiskArrays, views: Views, step: Kick, begin: int, end: int) -> None:
+    """`kick` where components of velocities are held, which stay."""
+    v, force, free, one = views.v, views.force, disks.free, np.uint64(1)
+    for i in range(np.uint64(begin), np.uint64(end)):
+        ix, iy, name = i + i, i + i + one, disks.name[i]
+        inverse, weight = disks.inv_mass[i], gravity_factor(disks.inv_mass[i])
+        vx = step.keep * v[ix] + step.gain * (force[ix] * inverse + weight * step.gravity_x)
+        vy = step.keep * v[iy] + step.gain * (force[iy] * inverse + weight * step.gravity_y)
+        v[ix] = vx if free[name, 0] > 0.0 else v[ix]
+        v[iy] = vy if free[name, 1] > 0.0 else v[iy]
         force[ix], force[iy] = 0.0, 0.0
 
 
@@ -138,7 +175,10 @@ def kick_and_drift(disks: DiskArrays, views: Views, step: Kick, begin: int, end:
     if extrapolated:
         for q in range(first, last):
             dashpot_v[q] = v[q]
-    kick(v, views.force, disks.inv_mass, step, begin, end)
+    if disks.free.shape[0] > 0:
+        kick_held(disks, views, step, begin, end)
+    else:
+        kick(v, views.force, disks.inv_mass, step, begin, end)
     if extrapolated:
         for q in range(first, last):
             dashpot_v[q] = v[q] + step.ahead * (v[q] - dashpot_v[q])

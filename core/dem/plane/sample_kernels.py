@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import fused_kernel, inline_kernel, kernel
 from ninedisk.core.dem.plane.force_kernels import law_at_wall, law_of_pair, normal_force
-from ninedisk.core.dem.plane.kick_kernels import gravity_factor
+from ninedisk.core.dem.plane.kick_kernels import gravity_factor, is_free, mass_of
 from ninedisk.core.dem.state import (
     BETA,
     COHESION,
@@ -54,6 +54,14 @@ def synchronised(value: float, acceleration: float, step: StepConstants, start: 
     if start:
         return value
     return 0.5 * (value + step.kick.keep * value + step.kick.gain * acceleration)
+
+
+@inline_kernel
+def synchronised_part(
+    disks: DiskArrays, i: int, d: int, acceleration: float, step: StepConstants, start: bool
+) -> float:
+    """The same of component d of the disk in row i, which keeps it where it is held."""
+    return synchronised(disks.v[i, d], acceleration, step, start or not is_free(disks, i, d))
 
 
 @inline_kernel
@@ -233,10 +241,8 @@ def record(system: System, samples: Samples, row: int, start: bool, progress: Pr
         weight = gravity_factor(disks.inv_mass[i])
         ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
         ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
-        vx, vy = synchronised(disks.v[i, 0], ax, step, start), synchronised(disks.v[i, 1], ay, step, start)
-        mass = (
-            1.0 / disks.inv_mass[i] if weight > 0.0 else 0.0
-        )  # a fixed disk keeps its energy, which is none of the run's
+        vx, vy = synchronised_part(disks, i, 0, ax, step, start), synchronised_part(disks, i, 1, ay, step, start)
+        mass = mass_of(disks, i)
         translation += 0.5 * mass * (vx * vx + vy * vy)
         gravity -= mass * (step.kick.gravity_x * disks.x[i, 0] + step.kick.gravity_y * disks.x[i, 1])
         if disks.inv_inertia[i] > 0.0:
@@ -248,8 +254,8 @@ def record(system: System, samples: Samples, row: int, start: bool, progress: Pr
         ax = disks.force[i, 0] * disks.inv_mass[i] + weight * step.kick.gravity_x
         ay = disks.force[i, 1] * disks.inv_mass[i] + weight * step.kick.gravity_y
         samples.x[row, c, 0], samples.x[row, c, 1] = disks.x[i, 0], disks.x[i, 1]
-        samples.v[row, c, 0] = synchronised(disks.v[i, 0], ax, step, start)
-        samples.v[row, c, 1] = synchronised(disks.v[i, 1], ay, step, start)
+        samples.v[row, c, 0] = synchronised_part(disks, i, 0, ax, step, start)
+        samples.v[row, c, 1] = synchronised_part(disks, i, 1, ay, step, start)
         samples.angle[row, c] = disks.angle[i]
         samples.omega[row, c] = disks.omega[i]
         if disks.inv_inertia[i] > 0.0:

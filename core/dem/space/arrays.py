@@ -22,7 +22,7 @@ from ninedisk.core.scene import Cell, PlaneSegment, PlaneWall, SphereScene
 from ninedisk.core.thread_kernels import PAD
 
 RULES = {"none": columns.KEEPS, "force": columns.FORCE, "rescale": columns.RESCALE}
-MODELS = {"constant": columns.CONSTANT, "elastic-plastic": columns.SPRING}
+MODELS = {"constant": columns.CONSTANT, "viscous": columns.VISCOUS, "elastic-plastic": columns.SPRING}
 
 
 def vector_rows(rows: NDArray[Any]) -> NDArray[np.float64]:

@@ -50,6 +50,7 @@ from ninedisk.core.dem.space.state import (
     TORQUE_MID,
     TWIST,
     UNLOADING,
+    VISCOUS,
     Floats,
     Index,
     Step,
@@ -287,6 +288,9 @@ def resistance(law: Floats, slip_dt: float, q: Index, scratch: Floats) -> tuple[
         limit = law[ROLL + 1] * reduced * repulsive
         if law[ROLL] == CONSTANT:
             rolled = capped(scaled(across, STEEP), limit)
+            m = rolled
+        elif law[ROLL] == VISCOUS:
+            rolled = scaled(plus(dashpot_turn, -damped_about, n), limit * reduced)
             m = rolled
         else:
             rolled = plus(rolled, law[ROLL + 2] * slip_dt, path)

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.dem.arrays import aligned
+from ninedisk.core.dem.counts import Counts
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
 from ninedisk.core.dem.plane.images import check_cell
-from ninedisk.core.dem.session import Counts
 from ninedisk.core.dem.space import state as columns
 from ninedisk.core.dem.space.arrays import (
     batch_arrays,
@@ -345,7 +345,7 @@ class SphereSession:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a checkpoint, an ``.npz`` file from which `load` goes on bit for bit; `UnwritableFileError` if it cannot be written."""
-        write_checkpoint(path, self.scene, self.numerics, self._arrays())
+        write_checkpoint(path, self.scene, self.numerics, self.arrays())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, n_steps: int | None = None, threads: int = 1) -> SphereSession:
@@ -371,19 +371,39 @@ class SphereSession:
             numerics = numerics.replace(n_steps=n_steps)
         watch = [(int(i), int(j)) for i, j in arrays["samples.pairs"]]
         session = cls(scene, numerics, watch, arrays["samples.chosen"].tolist(), threads=threads)
-        done = int(arrays["clock"][0])
-        if done > numerics.n_steps * session.substeps:
-            raise InvalidNumericsError(
-                f"n_steps = {numerics.n_steps} is not allowed: the checkpoint has done {done // session.substeps} steps"
-            )
-        for lists, name in ((session._pairs, "pairs"), (session._at_planes, "wall_pairs")):
-            lists[0] = list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
-        session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))
-        session._placed = in_rows(session._pushes, session._state.name)
-        session._remember()
+        session.restore(arrays)
         return session
 
-    def _arrays(self) -> dict[str, NDArray[Any]]:
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from the state of another session on the same scene (`arrays`).
+
+        Raises
+        ------
+        InvalidNumericsError
+            If that is already past the last step.
+        """
+        done = int(arrays["clock"][0])
+        if done > self.numerics.n_steps * self.substeps:
+            raise InvalidNumericsError(
+                f"n_steps = {self.numerics.n_steps} is not allowed: the checkpoint has done {done // self.substeps} steps"
+            )
+        for lists, name in ((self._pairs, "pairs"), (self._at_planes, "wall_pairs")):
+            lists[0] = list_of({field: arrays[f"{name}.{field}"] for field in Contacts._fields})
+        self._row = restore(self.arrays(), arrays, int(arrays["row"][0]))
+        self._placed = in_rows(self._pushes, self._state.name)
+        self._remember()
+
+    @property
+    def rows(self) -> int:
+        """Samples so far."""
+        return self._row
+
+    def plane_normals(self) -> NDArray[np.float64]:
+        """Normals of the planes at present, shape (m, 3)."""
+        return self._state.now[:, 3:6].copy()
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Every array that the next step depends on, and the samples so far."""
         single: dict[str, NDArray[Any]] = {"clock": self._clock, "row": np.array([self._row]), "skin": self._skin}
         single["stripe"] = self._batch.stripe
         samples = {name: array for name, array in vars(self._history).items() if isinstance(array, np.ndarray)}
@@ -454,7 +474,7 @@ class SphereSession:
     def _not_finite(self, finite: NDArray[np.bool_]) -> NonFiniteStateError:
         bad = self._state.name[~finite.reshape(-1, WIDE).all(axis=1)].min()
         return NonFiniteStateError(
-            f"the state of sphere {bad} stopped being finite at t = {self._clock[STEP] * self.contact_dt:g} s: reduce contact_dt"
+            f"the state of {self.scene.noun} {bad} stopped being finite at t = {self._clock[STEP] * self.contact_dt:g} s: reduce contact_dt"
         )
 
     def _behind(self) -> None:
@@ -591,7 +611,7 @@ class SphereSession:
         if len(same):
             i, j = sorted(int(name[rows[same[0]]]) for rows in (row, other))
             place = ", ".join(f"{each:g}" for each in x[row[same[0]]])
-            words = f"the centres of spheres {i} and {j} coincide at ({place})"
+            words = f"the centres of {self.scene.noun}s {i} and {j} coincide at ({place})"
             if self._clock[STEP] > 0:
                 t = self._clock[STEP] * self.contact_dt
                 raise NonFiniteStateError(

@@ -22,7 +22,7 @@ ROLL, TWIST = 10, 14
 HELD, STICKS = 18, 19
 """What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0."""
 
-NO_RESISTANCE, CONSTANT, SPRING = 0, 1, 2
+NO_RESISTANCE, CONSTANT, SPRING, VISCOUS = 0, 1, 2, 3
 KEEPS, FORCE, RESCALE = 0, 1, 2
 """Rules of unloading: the spring keeps its displacement, its force, or shrinks with the contact."""
 

@@ -34,6 +34,7 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         Capability.PRELOAD_3D: lambda: space_loads.preloaded(info),
         Capability.COHESION_3D: lambda: space_loads.stuck_deep(info),
         Capability.PERIODIC_CELL_3D: lambda: space_loads.across_the_edge(info),
+        Capability.ROLLING_VISCOUS_3D: lambda: space_loads.slowed(info),
         **(
             {}
             if info.plane

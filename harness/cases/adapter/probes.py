@@ -779,6 +779,32 @@ def resisted_disk(info: EngineInfo, own: LeverArm, model: RollingModel) -> Probe
     )
 
 
+def hertz_disk(info: EngineInfo) -> Probe:
+    """A disk at rest on a floor by Hertz' law of a sphere: ``m g = (4/3) E* sqrt(R) overlap^(3/2)``."""
+    e_star = 1e7
+    sunk = (0.75 * M * G / (e_star * math.sqrt(R))) ** (2.0 / 3.0)
+    scene = on_floor(ContactLaw(e_star=e_star), overlap=sunk)
+    numerics = Numerics(dt=0.0005, n_steps=20)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why = "equilibrium: round-off"
+        mend = (
+            "a contact of disks with e_star is that of spheres of the same radii: fn = (4/3) E* sqrt(R) overlap^(3/2)"
+        )
+        bound = round_off(info)
+        return [
+            ClosedForm(quantity="overlap", unit="m", value=R - history.x[:, 0, 1], expected=np.full(21, sunk), bound=bound * R,
+                       why=why, mend=mend),
+            ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=M * G, bound=1e3 * bound * M * G, why=why, mend=mend),
+        ]  # fmt: skip
+
+    return Probe(
+        title="Hertz' law of a disk",
+        setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)),
+        closed_forms=closed_forms,
+    )
+
+
 def stuck_deep(info: EngineInfo) -> Probe:
     """A disk at rest on a floor that half takes back what its spring gives: it lies twice as deep."""
     sunk = M * G / (0.5 * KN)
@@ -904,6 +930,7 @@ def probe_in_plane(capability: Capability, info: EngineInfo) -> Probe:
         Capability.ROLLING_VISCOUS: lambda: resisted_disk(info, own, "viscous"),
         Capability.ROLLING_SPRING: lambda: resisted_disk(info, own, "elastic-plastic"),
         Capability.COHESION: lambda: stuck_deep(info),
+        Capability.HERTZ_MINDLIN_2D: lambda: hertz_disk(info),
         Capability.ADHESION: lambda: hanging_disk(info),
         Capability.PERIODIC_CELL: lambda: across_the_edge(info),
         Capability.ENERGY_BUDGET: lambda: reported_losses(info, own),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import BodyForce, Cell, Spheres, SphereScene
+from ninedisk.core.scene import BodyForce, Cell, Rolling, Spheres, SphereScene
 from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.cases.adapter.probes import (
     FIRST_ORDER,
@@ -23,8 +23,10 @@ from ninedisk.harness.cases.adapter.probes import (
     M,
     Probe,
     R,
+    contact_error,
     damping_factor,
     has_springs,
+    resting_overlap,
     round_off,
 )
 from ninedisk.harness.cases.adapter.space import ALONG, UP, alone, law, on_floor, probe_of_spheres
@@ -117,6 +119,31 @@ def stuck_deep(info: EngineInfo) -> Probe:
         ]  # fmt: skip
 
     return probe_of_spheres("cohesion of spheres", scene, numerics, closed_forms)
+
+
+def slowed(info: EngineInfo) -> Probe:
+    """A sphere that rolls along a floor against a torque that grows with its spin: ``v exp(-(5/7) mu g t/(1 m/s))``."""
+    mu, speed, end = 0.5, 1.0, 0.1
+    contact = law(info, mu=0.5, rolling=Rolling(model="viscous", mu=mu))
+    spin = speed / R * np.cross(UP, ALONG)
+    scene = on_floor(contact, resting_overlap(info), v=[speed * ALONG], omega=[spin])
+    numerics = Numerics(dt=end / STEPS, n_steps=STEPS, sample_from=STEPS, sliding="coulomb", theta=0.5)
+    slowing = 5.0 / 7.0 * mu * G
+    left = math.exp(-slowing * end)
+    # The shear spring, of ks = KN, is not stretched at first: the sphere swings about its motion with that spring's frequency.
+    swing = 2.0 * slowing * speed / math.sqrt(3.5 * KN / M) if has_springs(info) else 0.0
+    bound = 2.0 * slowing * speed * numerics.dt + swing + contact_error(info) * speed
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        why = "two steps without the torque, and the swing on the shear spring"
+        mend = "the torque is mu R^2 fn times the relative spin across the normal (see Rolling), on both bodies, R the reduced radius"
+        return [
+            ClosedForm(quantity="v", unit="m/s", value=history.v[-1, 0], expected=left * speed * ALONG, bound=bound, why=why, mend=mend),
+            ClosedForm(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=left * spin, bound=2.5 * bound / R, why=why,
+                       mend=mend),
+        ]  # fmt: skip
+
+    return probe_of_spheres("viscous rolling resistance of a sphere", scene, numerics, closed_forms)
 
 
 def across_the_edge(info: EngineInfo) -> Probe:

@@ -32,6 +32,7 @@ CAPABILITIES = (
     - {
         Capability.AREA_CONTACT,
         Capability.GLOBAL_DAMPING_LAGGED,
+        Capability.HERTZ_MINDLIN_2D,
         Capability.LEVER_ARM_TORQUE,
         Capability.PERIODIC_CELL,
         Capability.SLIP_END,

@@ -32,19 +32,21 @@ OPTIONS: Mapping[str, Option] = {
 LACKS = frozenset(
     {
         Capability.RESTITUTION,
-        Capability.HELD_MOTION,
         Capability.QUASI_STATIC,
         Capability.ADHESION,
     }
 )
 
-DISKS_ALONE = LACKS | {Capability.MATERIALS, Capability.COHESION, Capability.ENERGY_BUDGET, *ROLLING.values()}
+DISKS_ALONE = LACKS | {
+    Capability.HERTZ_MINDLIN_2D,
+    Capability.MATERIALS,
+    Capability.COHESION,
+    Capability.ENERGY_BUDGET,
+    *ROLLING.values(),
+}
 """What is lacking where contacts are those of outlines, and in a periodic cell."""
 
-LACKS_3D = LACKS - {Capability.HELD_MOTION}
-"""What is lacking in 3D, where a sphere's velocity can be held."""
-
-LACKS_IN_CELL = LACKS_3D | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
+LACKS_IN_CELL = LACKS | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
 """And in a periodic cell in 3D."""
 
 
@@ -77,6 +79,11 @@ class DemEngine:
         missing = capabilities_needed(scene, numerics) & _lacks(scene)
         if missing:
             return Support(SupportLevel.NO, tuple(sorted(missing)))
+        if isinstance(scene, Scene) and any(law.hertz for law in scene.laws_in_use):
+            from ninedisk.core.dem.disks_as_spheres import cannot_be_spheres
+
+            if words := cannot_be_spheres(scene):
+                return Support(SupportLevel.NO, (Capability.HERTZ_MINDLIN_2D,), (f"the DEM does not have {words}",))
         if any(law.regularised for law in scene.laws_in_use):
             return Support(
                 SupportLevel.APPROXIMATE, notes=("rigid contacts are replaced by springs kn, ks and a dashpot",)
@@ -129,7 +136,7 @@ class DemEngine:
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
     if isinstance(scene, SphereScene):
-        return LACKS_3D if scene.cell is None else LACKS_IN_CELL
+        return LACKS if scene.cell is None else LACKS_IN_CELL
     return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
 
 

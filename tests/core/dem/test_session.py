@@ -28,7 +28,8 @@ from ninedisk.core import (
 from ninedisk.core.cd import session as cd_session
 from ninedisk.core.cd.session import CdSession
 from ninedisk.core.dem import session as session_module
-from ninedisk.core.dem.session import Counts, DemSession
+from ninedisk.core.dem.counts import Counts
+from ninedisk.core.dem.session import DemSession
 from ninedisk.core.dem.state import REBUILDS
 from ninedisk.core.nurbs.mass import uniform_grain
 from ninedisk.core.nurbs.shapes import ellipse

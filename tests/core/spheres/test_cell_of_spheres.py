@@ -52,16 +52,19 @@ def packing(d: int, seed: int = 3) -> dict[str, Any]:
 
 
 def flat_and_solid(axes: tuple[int, int], rate: tuple[float, float, float]) -> tuple[Scene, SphereScene]:
-    """A cell in 2D and the same in the plane of two axes in 3D, whose third edge is so long that no image touches; a body is fixed."""
+    """A cell in 2D and the same in the plane of two axes in 3D, whose third edge is so long that no image touches; a body is fixed, one
+    keeps a component of its velocity, and one is driven."""
     bodies = packing(2)
     moves = np.arange(len(bodies["x"])) != 12
     bodies["v"][~moves], bodies["omega"][~moves] = 0.0, 0.0
     bodies["rotating"] = moves
     inertia = 0.5 * bodies["mass"] * bodies["radius"] ** 2
+    held = np.tile(~moves[:, None], 2)
+    held[7, 0], held[17] = True, True
     law = replace(LAW, beta=0.0)  # in 2D dashpots do not pull
     flow = np.array([[rate[0], rate[1]], [0.0, rate[2]]])
     flat = Scene(
-        disks=Disks(**bodies, held=np.tile(~moves[:, None], 2), inertia=inertia),
+        disks=Disks(**bodies, held=held, inertia=inertia),
         disk_disk=law,
         cell=Cell(size=(SIZE, SIZE), rate=flow),
         xi=0.5,
@@ -80,7 +83,9 @@ def flat_and_solid(axes: tuple[int, int], rate: tuple[float, float, float]) -> t
     size[third] = 3.0
     turn[np.ix_([a, b], [a, b])] = flow
     same = {name: bodies[name] for name in ("radius", "mass", "rotating")}
-    spheres = Spheres(x=x, v=v, omega=omega, held=np.tile(~moves[:, None], 3), inertia=inertia, **same)
+    keeps = np.tile(held.all(axis=1)[:, None], 3)
+    keeps[:, [a, b]] = held
+    spheres = Spheres(x=x, v=v, omega=omega, held=keeps, inertia=inertia, **same)
     cell = Cell(size=tuple(size), rate=tuple(map(tuple, turn)))
     return flat, SphereScene(spheres=spheres, sphere_sphere=law, cell=cell, xi=0.5)
 

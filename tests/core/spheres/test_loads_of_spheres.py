@@ -11,7 +11,7 @@ import pytest
 from test_spheres import HERTZ, LINEAR, SPRING, THROWN, assert_same_bits, box, column, free_cloud
 from twin import rotation
 
-from ninedisk.core import BodyForce, InvalidSceneError, Numerics, SphereScene, simulate
+from ninedisk.core import BodyForce, InvalidSceneError, Numerics, Rolling, SphereScene, simulate
 from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.history import History
 
@@ -50,10 +50,11 @@ def close_cloud(**law: Any) -> SphereScene:
     return replace(scene, spheres=replace(scene.spheres, x=0.93 * scene.spheres.x, v=0.1 * scene.spheres.v))
 
 
+@pytest.mark.parametrize("rolling", [SPRING, Rolling(model="viscous", mu=0.5)], ids=lambda rolling: rolling.model)
 @pytest.mark.parametrize("form", ["central", "lagged"])
-def test_a_turned_scene_runs_the_same(form: Any) -> None:
+def test_a_turned_scene_runs_the_same(form: Any, rolling: Rolling) -> None:
     """Any axis; rounding, grown by some collisions."""
-    scene = replace(close_cloud(rolling=SPRING), xi=15.0)
+    scene = replace(close_cloud(rolling=rolling), xi=15.0)
     rows = {name: getattr(scene.spheres, name) @ TURN.T for name in ("x", "v", "omega")}
     n = len(scene.spheres)
     one = replace(scene, forces=loads(n), initial_shear=preload(scene, 20.0))
@@ -77,7 +78,8 @@ def test_a_turned_scene_runs_the_same(form: Any) -> None:
     assert np.abs(found.v[-1] - found.v[0]).max() > 0.01
     np.testing.assert_allclose(turned.x[-1], found.x[-1] @ TURN.T, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(turned.omega[-1], found.omega[-1] @ TURN.T, rtol=0.0, atol=1e-9)
-    for name in ("force_work", "damping_loss", "elastic_shear"):
+    assert found.energy["rolling_loss"][-1] > 0.0
+    for name in ("force_work", "damping_loss", "elastic_shear", "rolling_loss"):
         assert turned.energy[name] == pytest.approx(found.energy[name], rel=1e-9)
 
 

@@ -205,7 +205,7 @@ def test_scenes_and_laws_survive_json() -> None:
         (lambda: SphereLaw(kn=1.0, e_star=1.0), "give kn for the linear law, or e_star"),
         (lambda: SphereLaw(kn=1.0, g_star=1.0), "g_star = 1 is not allowed in the linear law"),
         (lambda: SphereLaw(e_star=1.0, ks=1.0), "ks = 1 is not allowed in the Hertz-Mindlin law"),
-        (lambda: box(SphereLaw(kn=1.0, rolling=Rolling(model="viscous", mu=0.1))), "rolling model 'viscous' is not allowed in 3D"),
+        (lambda: box(SphereLaw(kn=1.0, twisting=Rolling(model="viscous", mu=0.1))), "twisting model 'viscous' is not allowed"),
         (lambda: facing(gap=-0.1), "walls 'floor' and 'roof' overlap"),
         (lambda: box(SphereLaw(kn=1.0, adhesion=0.1)), "adhesion = 0.1 is not allowed in 3D, which does not have it"),
         (lambda: Elastic(E=1.0, nu=0.6), r"nu = 0.6 is not allowed: it must be a number in \[0, 0.5\]"),

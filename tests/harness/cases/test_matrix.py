@@ -121,7 +121,7 @@ def runs(case_id: str, engine: Engine, params: Mapping[str, Any]) -> bool:
     if case_id == "row/pushed":
         return engine is CD or not set(params) & {"theta", "regime"}
     if case_id == "impact/held-disk":
-        return engine is CD or params["partner"] == "fixed"
+        return engine in (CD, DEM) or params["partner"] == "fixed"
     if case_id == "strength/hexagonal":
         return engine is CD or params["sliding"] == "associated"
     return engine is not PYMUNK or params.get("start") != "equilibrium"  # pymunk has no springs to start with overlaps

@@ -298,8 +298,18 @@ PLANTED = {
     "no forces": ("supports: BODY_FORCES", Planted(scene=lambda s: s.replace(forces=()), support=EXACT), "v is"),
     "no constant torque": ("supports: ROLLING_CONSTANT", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
     "no viscous torque": ("supports: ROLLING_VISCOUS", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
+    "no viscous torque on a sphere": (
+        "supports: ROLLING_VISCOUS_3D",
+        Planted(scene=laws(rolling=None), support=EXACT),
+        "v is",
+    ),
     "no rolling spring": ("supports: ROLLING_SPRING", Planted(scene=laws(rolling=None), support=EXACT), "v is"),
     "no cohesion": ("supports: COHESION", Planted(scene=laws(cohesion=0.0), support=EXACT), "overlap is"),
+    "another modulus": (
+        "supports: HERTZ_MINDLIN_2D",
+        Planted(scene=laws(e_star=1.01e7)),
+        "overlap is",
+    ),
     "no adhesion": ("supports: ADHESION", Planted(scene=laws(adhesion=0.0), support=EXACT), "y is"),
     "no images of spheres": (
         "supports: PERIODIC_CELL_3D",

@@ -27,7 +27,7 @@ SUMS = [("dem.session", BEGIN, "STRIPES if in_order else 1", "STRIPES // (8 * th
 OUTLINES = "session._outlines = restored(session._outlines, arrays)"
 FORGETS = [("dem.session", LOAD, OUTLINES, f"{OUTLINES}\narrays['disks.omega'] = 0.0 * arrays['disks.omega']")]
 
-ROW = 'session._row = restore(session._arrays(), arrays, int(arrays["row"][0]))'
+ROW = 'self._row = restore(self.arrays(), arrays, int(arrays["row"][0]))'
 STOPS = [("dem.space.session", "SphereSession.load", ROW, f"{ROW}\nsession._state.omega[:] = 0.0")]
 
 

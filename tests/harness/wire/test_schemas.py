@@ -67,7 +67,7 @@ SCHEMAS = {name: json.loads(schema_text(name)) for name in NAMES}
 SCENE = SCHEMAS["scene"]["$defs"]
 REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
 LEFT_OUT = {"cpu", "outlines", "outline", "angle", "contact", "slip_at", "material", "laws", "forces", "cell"}
-LEFT_OUT |= {"rolling", "cohesion", "adhesion", "energy_budget", "stress"}
+LEFT_OUT |= {"rolling", "cohesion", "adhesion", "energy_budget", "stress", "e_star", "g_star", "unloading"}
 """Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
@@ -122,6 +122,8 @@ def test_choices_are_those_of_the_code() -> None:
     assert law["slip_at"]["enum"] == list(SLIP_AT)
     assert law["contact"]["enum"] == list(CONTACTS)
     assert law["rolling"]["properties"]["model"]["enum"] == list(ROLLING_MODELS)
+    assert law["unloading"]["enum"] == list(UNLOADING)
+    assert SCENE["resistance"]["properties"]["model"]["enum"] == list(ROLLING_MODELS)
     law = SCENE["sphere_law"]["properties"]
     for name, choices in (
         ("lever_arm", LEVER_ARMS),
