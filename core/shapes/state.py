@@ -43,7 +43,7 @@ A gap is a sum of six products of turned coordinates, of which each has up to fi
 class Solids(NamedTuple):
     """Convex polyhedra one after another, in the frames of their bodies.
 
-    Attributes
+    Parameters
     ----------
     vertex : ndarray, shape (v, 3)
         Vertices about the centre of mass [m].
@@ -80,7 +80,7 @@ class Solids(NamedTuple):
 class Placed(NamedTuple):
     """Bodies where they are, their polyhedra turned into the axes of the scene.
 
-    Attributes
+    Parameters
     ----------
     x : ndarray, shape (b, 3)
         Centres of mass [m].
@@ -113,7 +113,7 @@ class Placed(NamedTuple):
 class Contacts(NamedTuple):
     """Contacts, sorted as their pairs are.
 
-    Attributes
+    Parameters
     ----------
     body : ndarray of int64, shape (c, 2)
         Bodies i and j; plane w has the number b + w, b the number of bodies.

@@ -105,6 +105,8 @@ def test_a_sphere_at_a_box_by_the_clamped_centre(size: float, flip: bool) -> Non
         code = found.feature[0, 0 if flip else 1]
         assert found.feature[0, 1 if flip else 0] == WHOLE
         assert code // EDGE * EDGE == wanted_kind
+        if wanted_kind == 0:
+            assert np.array_equal(solids.vertex[code], size * np.clip(c, -half, half))
         kinds.add(int(code))
     assert len(kinds) == 8 + 12 + 6 or numba.config.DISABLE_JIT
 
