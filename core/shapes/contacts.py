@@ -73,7 +73,7 @@ def place(
     x : array_like, shape (b, 3)
         Centres of mass [m].
     quaternion : array_like, shape (b, 4)
-        Unit quaternions ``(w, x, y, z)`` of the rotations from the frames of the bodies.
+        Rotations from the frames of the bodies as unit quaternions ``(w, x, y, z)``.
     shape : array_like of int, shape (b,)
         Numbers of the polyhedra; -1 for a sphere.
     radius : array_like, shape (b,), optional

@@ -48,7 +48,7 @@ class ConvexPolyhedron:
     edges : ndarray of int64, shape (e, 4)
         Two vertices, the lower one first, and the faces to the left and to the right, seen from outside.
     directions : ndarray, shape (d, 3)
-        Unit vectors along the edges, one for parallel edges; the first component that is not 0 is positive.
+        Directions of the edges as unit vectors, one for parallel edges; the first component that is not 0 is positive.
     volume : float
         Volume [m^3].
     centre : ndarray, shape (3,)

@@ -121,7 +121,7 @@ class Contacts(NamedTuple):
         Contact points on i from its centre of mass, on j from its own; on a plane from the plane's point [m]. Both points differ by
         ``gap normal``, and across the normal by `COINCIDE` of the smaller radius at most.
     normal : ndarray, shape (c, 3)
-        Unit normal from i to j; that of all contacts of a pair is the same.
+        Normal from i to j, a unit vector; that of all contacts of a pair is the same.
     gap : ndarray, shape (c,)
         Distance along the normal [m]; negative: overlap.
     feature : ndarray of int64, shape (c, 2)
