@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MODULES = (
     "ninedisk.core",
+    "ninedisk.core.shapes",
     *(
         f"ninedisk.harness.api.{name}"
         for name in (

@@ -53,8 +53,8 @@ def test_a_kernel_of_kernels_is_refused_to_python() -> None:
 
 
 @compiled
-def test_every_function_of_dem_and_outlines_that_is_compiled_is_such_a_kernel() -> None:
-    for package in ("dem.plane", "dem.space", "nurbs"):
+def test_every_function_of_dem_and_shapes_that_is_compiled_is_such_a_kernel() -> None:
+    for package in ("dem.plane", "dem.space", "nurbs", "shapes"):
         found = 0
         folder = Path(core.__file__).parent.joinpath(*package.split("."))
         for module in pkgutil.iter_modules([str(folder)], f"ninedisk.core.{package}."):
