@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem_files import read_problem, write_problem
@@ -38,7 +39,9 @@ from ninedisk.harness.engines.process import SYSTEM_PYTHON
 from ninedisk.harness.engines.siconos.adapter import installed_siconos
 from ninedisk.harness.results.schema import Row
 
-WARM_UP = DelassusProblem(w=np.eye(6) + 0.1, b=[[-1.0, 2.0, 0.0], [-1.0, 0.0, 0.1]], mu=[0.3, 0.5])
+WARM_UP = DelassusProblem(
+    w=sp.csr_array(np.eye(6) + 0.1), b=np.array([[-1.0, 2.0, 0.0], [-1.0, 0.0, 0.1]]), mu=np.array([0.3, 0.5])
+)
 
 
 def racers() -> list[Racer]:

@@ -83,14 +83,13 @@ def _pattern(w: sp.csr_array) -> _Pattern:
 
 
 class _Best:
-    """The best forces so far, their error and the tolerance."""
+    """The best forces so far, none at first, their error and the tolerance."""
 
     def __init__(self, problem: DelassusProblem, tolerance: float, clock: Stopwatch, *, coulomb: bool) -> None:
         self.problem, self.tolerance, self.clock, self.coulomb = problem, tolerance, clock, coulomb
         self.arrays = delassus_arrays(problem)
         self.forces = np.zeros((problem.n_contacts, 3))
-        self.error = kernels.largest_error(self.arrays, coulomb, self.forces.ravel())
-        self.iterations = 0
+        self.error, self.iterations = np.inf, 0
 
     def offer(self, r: FloatArray) -> float:
         """Error of the forces inside the cones that are nearest to ``r``."""
