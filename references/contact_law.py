@@ -44,7 +44,8 @@ class Errors(NamedTuple):
     cone : float
         Largest tension ``-p`` or friction beyond ``mu p``, over F.
     opening : float
-        Largest velocity into the contact, ``-u_n`` (``mu |u_t| - u_n`` under the associated rule), over ``F W_max``.
+        Largest velocity into the contact, ``-u_n`` (``mu |u_t| - u_n`` under the associated rule), over ``F W_max``, and,
+        beyond what its rounding explains, over the largest ``|b|``: the larger ratio counts: large forces elsewhere hide no contact.
     slip : float
         ``sum |mu p |u_t| + r_t . u_t| / E``: friction that does not oppose slip, or is too weak for it.
     dynamics : float
@@ -309,6 +310,7 @@ def _errors(
     room = u[:, 0] - (mu * slip if associated else 0.0)
     gained = (r * u).sum(axis=1)
     product = gained if associated else p * u[:, 0]
+    speed = float(np.linalg.norm(b, axis=1).max())
     unit = 32.0 * np.finfo(np.float64).eps
     rounding = (unit * np.linalg.norm(noise / stiff[:, None]), size), (unit * (np.abs(r) * noise).sum(), work)
     gap = np.nan
@@ -319,7 +321,10 @@ def _errors(
         natural_map=_ratio(np.linalg.norm(r - target), size),
         complementarity=_ratio(np.abs(product).sum(), work),
         cone=_ratio(max(float((-p).max()), float((friction - mu * np.maximum(p, 0.0)).max()), 0.0), force),
-        opening=_ratio(max(float((-room / stiff).max()), 0.0), force),
+        opening=max(
+            _ratio(max(float((-room / stiff).max()), 0.0), force),
+            _ratio(max(float((-room - unit * noise[:, 0]).max()), 0.0), speed),
+        ),
         slip=0.0 if associated else _ratio(np.abs(mu * p * slip + (r[:, 1:] * u_t).sum(axis=1)).sum(), work),
         dynamics=float(dynamics),
         duality_gap=gap,

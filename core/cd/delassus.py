@@ -23,6 +23,8 @@ from ninedisk.core.validate import LARGEST, finite, numbers
 
 Matrix = sp.csr_array | sp.csc_array | sp.coo_array | ArrayLike
 ROUND_OFF = 16.0 * np.finfo(np.float64).eps
+UNSYMMETRIC = 1e-3
+"""Difference of a mass matrix from its transpose, of its largest entry: files of six digits have less."""
 PARALLEL = 1e-12
 """Relative error of a Jacobian's entries up to which its rows are those of rigid bodies: some thousand roundings."""
 
@@ -223,12 +225,24 @@ def _checked(
         raise InvalidSceneError(f"g has shape {offset.shape}; it must have shape ({c}, {d}): mu tells of {c} contacts")
     offset = finite("g", offset.reshape(c, d), (c, d), most=LARGEST)
     return (
-        sparse("M", m, (n, n)),
+        _positive(sparse("M", m, (n, n))),
         sparse("H", h, (d * c, n)),
         finite("f", load, (n,), most=LARGEST),
         offset,
         friction_of,
     )
+
+
+def _positive(mass: sp.csr_array) -> sp.csr_array:
+    """A mass matrix; raises `InvalidSceneError` if a diagonal entry is not > 0, or it is far from symmetric."""
+    diagonal = mass.diagonal()
+    if mass.shape[0] and not diagonal.min() > 0.0:
+        i = int(np.argmin(diagonal))
+        raise InvalidSceneError(f"M[{i}, {i}] = {diagonal[i]:g} is not allowed: every unknown needs a mass > 0")
+    lost = float(abs(mass - mass.T).max()) if mass.nnz else 0.0
+    if lost > UNSYMMETRIC * float(diagonal.max(initial=0.0)):
+        raise InvalidSceneError(f"M is not symmetric: entries differ by up to {lost:g} from those across the diagonal")
+    return mass
 
 
 def _solved(solve: Callable[[FloatArray], FloatArray], mass: sp.csr_array, rows: sp.csr_array) -> sp.csc_array:

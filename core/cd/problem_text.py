@@ -27,6 +27,8 @@ TRIPLET, COLUMNS, ROWS = 1, 2, 3
 MOST = 20_000
 """Rows of a dense matrix, at most: 3 GB."""
 _COMPRESSED = re.compile(r"(csr: )?(\d+)-by-(\d+), nzmax: (\d+) nnz: (\d+), 1-norm: (\S+)")
+_CUT = re.compile(r"[\d.][eE][+-]?\d?\Z")
+"""A last number whose exponent has less than the two figures that are always printed, without an end of line."""
 _TRIPLETS = re.compile(r"triplet: (\d+)-by-(\d+), nzmax: (\d+) nnz: (\d+)")
 
 
@@ -118,6 +120,8 @@ class _Lines:
             words = self.next(what).split()
             try:
                 found += [float(word) for word in words]
+                if "_" in "".join(words):
+                    raise ValueError
             except ValueError:
                 raise self.wrong(f"{what}, {count} numbers") from None
         if len(found) != count:
@@ -133,6 +137,8 @@ def parse(text: str) -> TextProblem:
     InvalidSceneError
         Naming the line that is wrong, and what it must be.
     """
+    if _CUT.search(text):
+        raise InvalidSceneError(f"it ends inside a number, {text.split()[-1]!r}: the end of the file is missing")
     lines = _Lines(text)
     dimension = lines.whole("the dimension", 2, 3)
     c = lines.whole("the number of contacts")
@@ -142,7 +148,7 @@ def parse(text: str) -> TextProblem:
         raise InvalidSceneError(f"M has shape {m.matrix.shape}; it must be square")
     h = None
     at = lines.at
-    following = lines.next("q").split()
+    following = [] if lines.ended else lines.next("q").split()
     lines.at = at
     if len(following) == 1 and following[0].isdigit():  # a storage; numbers of a vector are printed with points
         h = _read_matrix(lines, "H")
@@ -302,6 +308,12 @@ def _read_sparse(lines: _Lines, name: str, shape: tuple[int, int]) -> tuple[sp.c
     return matrix, (origin, version, shape, words[2], norm, i, j, x)
 
 
+def _shortest(value: float) -> str:
+    """As CSparse prints it, to six digits, unless the number has more."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
 def _entry(lines: _Lines, name: str, pattern: str, places: int) -> tuple[Any, ...]:
     found = re.fullmatch(pattern, lines.next(f"an entry of {name}"))
     if found is None:
@@ -317,13 +329,15 @@ def _sparse_lines(
 ) -> list[str]:  # fmt: skip
     size = f"{shape[0]}-by-{shape[1]}, nzmax: {nzmax} nnz: {len(x)}"
     if origin == TRIPLET:
-        entries = [f"    {a} {b} : {value:g}" for a, b, value in zip(i, j, x, strict=True)]
+        entries = [f"    {a} {b} : {_shortest(value)}" for a, b, value in zip(i, j, x, strict=True)]
         return [str(origin), version, f"triplet: {size}", *entries]
     word, head = ("col", "") if origin == COLUMNS else ("row", "csr: ")
     ends = np.searchsorted(j, np.arange(shape[1] if origin == COLUMNS else shape[0]), side="right").tolist()
     lines, begin = [str(origin), version, f"{head}{size}, 1-norm: {norm}"], 0
     for k, end in enumerate(ends):
         lines.append(f"    {word} {k} : locations {begin} to {end - 1}")
-        lines += [f"      {index} : {value:g}" for index, value in zip(i[begin:end], x[begin:end], strict=True)]
+        lines += [
+            f"      {index} : {_shortest(value)}" for index, value in zip(i[begin:end], x[begin:end], strict=True)
+        ]
         begin = end
     return lines

@@ -13,12 +13,10 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-import scipy.sparse as sp
-
 from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem_files import read_problem, write_problem
 from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.cone import load_kernels
 from ninedisk.core.cd.solvers.matrix import solve_matrix
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.errors import UsageError
@@ -38,10 +36,6 @@ from ninedisk.harness.bench.measure import Reporter
 from ninedisk.harness.engines.process import SYSTEM_PYTHON
 from ninedisk.harness.engines.siconos.adapter import installed_siconos
 from ninedisk.harness.results.schema import Row
-
-WARM_UP = DelassusProblem(
-    w=sp.csr_array(np.eye(6) + 0.1), b=np.array([[-1.0, 2.0, 0.0], [-1.0, 0.0, 0.1]]), mu=np.array([0.3, 0.5])
-)
 
 
 def racers() -> list[Racer]:
@@ -92,7 +86,7 @@ def run_file(
     if not isinstance(problem, DelassusProblem):
         raise TypeError(f"{path} holds bodies of the plane")
     _ = problem.rho, problem.blocks  # made once, by nobody's clock
-    solve_matrix(WARM_UP, SolverOptions(tolerance=1e-12), sliding="coulomb")
+    load_kernels()
     with tempfile.TemporaryDirectory(prefix="ninedisk-bench-") as folder:
         file = Path(folder) / "problem.npz"
         write_problem(file, problem, "npz")

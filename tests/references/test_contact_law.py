@@ -108,6 +108,24 @@ def test_in_space_friction_opposes_slip_in_its_plane():
     assert rule.worst < 1e-15
 
 
+def test_large_forces_elsewhere_hide_no_contact():
+    """A self-stress, and a heavy body beside a light one: a contact that closes at the speed of the problem is no solution."""
+    w = np.kron([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]], np.eye(3))
+    stressed = errors_of_forces(
+        w, [0.0] * 6 + [-1.0, 0.3, 0.0], [0.5] * 3, [1e9, 0.0, 0.0, 1e9, 0.0, 0.0, 0.0, 0.0, 0.0]
+    )
+    assert stressed.opening > 0.9
+    light = errors_of_forces(
+        np.kron(np.diag([1.0, 1e9]), np.eye(3)), [-1.0, 0.0, 0.0] * 2, [0.5] * 2, [1.0] + [0.0] * 5
+    )
+    assert light.opening > 0.99
+    # What only rounding moves is not held against it: u of the first two contacts is b, beside forces that cancel.
+    rounded = errors_of_forces(
+        w, [1e-9] + [0.0] * 5 + [-1.0, 0.3, 0.0], [0.5] * 3, [1e9, 0.0, 0.0, 1e9, 0.0, 0.0, 1.0, -0.3, 0.0]
+    )
+    assert rounded.opening == 0.0
+
+
 def test_errors_have_no_units():
     r = changed(R, _0=10.1)
     for force, speed in ((1e-9, 1.0), (1e12, 1e-6)):

@@ -145,6 +145,16 @@ def solve_cones(problem: DelassusProblem, options: SolverOptions, *, sliding: Sl
     return MatrixSolution(best.forces, best.error, best.iterations, clock.seconds)
 
 
+def load_kernels() -> None:
+    """Compile or load the kernels, so that no time limit counts it."""
+    w = sp.csr_array(np.eye(6) + 0.1)
+    problem = DelassusProblem(w=w, b=np.array([[-1.0, 2.0, 0.0], [-1.0, 0.0, 0.1]]), mu=np.array([0.3, 0.5]))
+    best = _Best(problem, 0.0, Stopwatch(60.0), coulomb=True)
+    _sweep(best, 1)
+    _newton(best)
+    _interior_point(best, _pattern(w), 0.0, 2)
+
+
 def _sweep(best: _Best, limit: int) -> None:
     """Gauss-Seidel, as long as each round, twice as long as the one before, is worth it."""
     if limit <= 0 or best.done:

@@ -14,6 +14,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
 TINY = 1e-300
+ROUND_OFF = 32.0 * 2.0**-52
+"""Of a sum of terms, relative to the sum of their sizes."""
 DIRECTIONS = 24
 """Directions of slip between which signs are compared where the last direction leads to none."""
 FIRST_STEP = 1e-3
@@ -209,9 +211,10 @@ def largest_error(problem: Delassus, coulomb: bool, r: Floats) -> float:
 
     Errors are the natural map ``|r - P(r - rho u*)|``, relative to the forces or to ``|P(-rho b)|`` where that is more; the works of
     contacts that open and slip, relative to the larger one of ``|r' W r|`` and ``|b' r|``; and the largest velocity into a contact,
-    relative to what the largest force alone causes. ``u* = u``, with ``mu |u_t|`` added to u_n under Coulomb's law.
+    relative to what the largest force alone causes, and, beyond its rounding, to the largest ``|b|``. ``u* = u``, with ``mu |u_t|``
+    added to u_n under Coulomb's law.
     """
-    step = size = alone_size = pushed = loaded = lost = into = force = 0.0
+    step = size = alone_size = pushed = loaded = lost = into = force = closing = speed = 0.0
     for k in range(problem.mu.shape[0]):
         mu, rho = problem.mu[k], problem.rho[k]
         u0, u1, u2 = _velocity(problem, r, k)
@@ -229,6 +232,11 @@ def largest_error(problem: Delassus, coulomb: bool, r: Floats) -> float:
         pushed += p * (u0 - b0) + q1 * (u1 - b1) + q2 * (u2 - b2)
         loaded += p * b0 + q1 * b1 + q2 * b2
         power = q1 * u1 + q2 * u2
+        noise = abs(b0)
+        for m in range(problem.pointers[3 * k], problem.pointers[3 * k + 1]):
+            noise += abs(problem.values[m] * r[problem.columns[m]])
+        closing = max(closing, (-u0 if coulomb else mu * slip - u0) - ROUND_OFF * noise)
+        speed = max(speed, sqrt(b0 * b0 + b1 * b1 + b2 * b2))
         if coulomb:
             lost += abs(p * u0) + abs(mu * p * slip + power)
             into = max(into, -u0 * rho)
@@ -238,6 +246,7 @@ def largest_error(problem: Delassus, coulomb: bool, r: Floats) -> float:
     worst = max(
         _over(sqrt(step), sqrt(max(size, alone_size))), _over(lost, max(abs(pushed), abs(loaded))), _over(into, force)
     )
+    worst = max(worst, _over(closing, speed))
     return worst if worst == worst else inf
 
 

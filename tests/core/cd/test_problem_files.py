@@ -146,6 +146,27 @@ def test_texts_of_other_releases_are_read():
     np.testing.assert_array_equal(joined.b, bodies.b)
 
 
+def test_sparse_numbers_keep_their_digits():
+    matrix = sp.csr_array(np.diag([1.23456789012, 2.5]))
+    text = TextMatrix(SPARSE, matrix, (TRIPLET, VERSION, (2, 2), "2", None, [0, 1], [0, 1], [1.23456789012, 2.5]))
+    again = parse(text_of(TextProblem(2, text, None, np.zeros(2), None, np.array([0.5]))))
+    np.testing.assert_array_equal(again.m.matrix.toarray(), matrix.toarray())
+
+
+def test_a_text_without_contacts_is_a_problem_without_contacts(tmp_path):
+    (tmp_path / "p").write_text("3\n0\n0\n0\n0\n0\t0\n\n\n", encoding="ascii")
+    assert read_problem(tmp_path / "p").problem.n_contacts == 0
+
+
+@pytest.mark.parametrize(
+    ("m", "said"),
+    [(np.diag([1.0, -1.0]), r"M\[1, 1\] = -1 is not allowed"), ([[1.0, 0.9], [0.0, 1.0]], "M is not symmetric")],
+)
+def test_a_mass_matrix_that_is_none_is_named(m, said):
+    with pytest.raises(InvalidSceneError, match=said):
+        DelassusProblem.reduced(m, np.eye(2), [1.0, 1.0], [[0.0, 0.0]], [0.5])
+
+
 def test_bodies_are_found_behind_rows_of_any_length_and_either_tangent():
     """Rows rounded to length 1 - 1e-6, tangents turned the other way, as Siconos prints them; solved, they solve the file's matrices."""
     problem = small("hyperstatic")
@@ -271,6 +292,8 @@ TEXT = text_of(
         (TEXT.replace("2.5", "2.x", 1), "line 7 must be M, 16 numbers"),
         (TEXT[: TEXT.rindex("2.5")], "it ends after line 12, where mu must be"),
         (TEXT + "1.0\n", "it ends after line 13, where r must be"),
+        (TEXT.rstrip()[:-1], "it ends inside a number"),
+        (TEXT.replace("2.500000000000000000000000e-01", "2_5", 1), "line 7 must be M, 16 numbers"),
         (TEXT.replace("2.000000000000000000000000e+00", "0.000000000000000000000000e+00", 1), "contact 0 can neither open nor close"),
         (TEXT.replace("3.000000000000000000000000e+00", "nan", 1), "W must be finite"),
         ("\xff", "it is no text"),

@@ -102,6 +102,17 @@ def test_a_problem_in_space_is_solved_and_wrong_answers_are_refused(form: Form, 
         assert refused.exit_code == 1, refused.output
 
 
+def test_a_matrix_that_is_not_symmetric_and_another_solver_are_named(tmp_path: Path) -> None:
+    w = SPACE.w.toarray()
+    w[0, 1] += 0.01
+    write_problem(tmp_path / "p", replace(SPACE, w=w), "fc3d")
+    done = ninedisk("solve", tmp_path / "p")
+    assert done.exit_code == 0, done.output
+    assert "W is unsymmetric by 0.002 of its largest entry" in done.stdout
+    refused = ninedisk("solve", tmp_path / "p", "--solver", "gauss-seidel")
+    assert (refused.exit_code, "works on bodies in the plane" in refused.output) == (2, True)
+
+
 def test_what_no_forces_can_hold_apart_is_not_solved(tmp_path: Path) -> None:
     """Two obstacles that close in on a disk."""
     squeezed = ContactProblem(
