@@ -41,6 +41,7 @@ PARTIAL = {
     "harness.api.capabilities.TWISTING": "resistance to twisting is never viscous",
     "reports.site.BADGE_COLOURS": "a badge tells whether all passes",
     "harness.cases.differences.FINDING_WORDS": "two differences choose the truth that binds, and are no findings",
+    "harness.bench.problem_set.SUFFIX": "the open set is of the plane",
     "harness.check_engine.verdict.CASE_OF": "some capabilities have a probe and no case of their own",
     "harness.engines.yade.adapter.NOTE_ROLLING": "YADE has no constant torque",
     "reports.selftest.KINDS": "unchanged engines (clean) are no defect that the page describes",
