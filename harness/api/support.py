@@ -81,14 +81,14 @@ def support_of(engine: Engine, scene: Scene | SphereScene, numerics: Numerics) -
 
     Examples
     --------
-    The in-house DEM keeps no velocity of a disk fixed:
+    The in-house DEM has no rigid contacts that hold a pull:
 
     >>> from ninedisk.harness.api.registry import get_engine
-    >>> disk = Disks(x=[[0.0, 0.0]], v=[[1.0, 0.0]], radius=0.5, mass=1.0, held=True)
-    >>> scene = Scene(disks=disk, disk_disk=ContactLaw(kn=1e6))
+    >>> disks = Disks(x=[[0.0, 0.0], [1.0, 0.0]], radius=0.5, mass=[1.0, 2.0])
+    >>> scene = Scene(disks=disks, disk_disk=ContactLaw(kn=1e6, adhesion=2.0))
     >>> answer = support_of(get_engine("dem"), scene, Numerics(dt=0.01, n_steps=1))
     >>> answer.level.value, [capability.name for capability in answer.missing]
-    ('no', ['HELD_MOTION'])
+    ('no', ['ADHESION'])
     """
     if isinstance(scene, SphereScene) and Capability.SPHERES not in engine.info().capabilities:
         return Support(SupportLevel.NO, missing=(Capability.SPHERES,))

@@ -417,9 +417,9 @@ PLANTED = {
         "omega_0x",
     ),
     "more than its facts": (
-        "supports: HELD_MOTION",
+        "supports: ADHESION",
         Planted(support=Support(SupportLevel.EXACT)),
-        "info() lacks HELD_MOTION",
+        "info() lacks ADHESION",
     ),
     "no without a reason": ("supports: GRAVITY", Planted(support=Support(SupportLevel.NO)), "supported"),
     "a crash": ("supports: GRAVITY", Planted(answer=lambda _: 1 / 0), "ZeroDivisionError"),
