@@ -678,10 +678,10 @@ def test_what_is_declared_and_not_tested_is_said(capsys: pytest.CaptureFixture[s
                 return Support(SupportLevel.NO, notes=("not today",))
             return super().supports(scene, numerics)
 
-    lines = said(Wayward(), capsys, "units: *", "supports: GLOBAL*", "supports: HELD_MOTION")
+    lines = said(Wayward(), capsys, "units: *", "supports: GLOBAL*", "supports: ADHESION")
     for name in ("GLOBAL_DAMPING_CENTRAL", "GLOBAL_DAMPING_LAGGED"):
         assert f"declared, tested NOWHERE: {name} (not today (declared, but not in this scene))" in lines
-    assert "not declared, so not tested (1): HELD_MOTION" in lines
+    assert "not declared, so not tested (1): ADHESION" in lines
     assert not any("refused" in line for line in lines)
     assert said(Planted(answer=NOTHING), capsys, "units: w*")[2] == (
         "not observed: fn of the pairs (1, 2), (0, 2), (0, 1) (in units: weights and pairs)"
