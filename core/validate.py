@@ -81,6 +81,22 @@ def finite(name: str, value: ArrayLike, shape: tuple[int, ...], *, most: float =
     return array
 
 
+def rows_of(name: str, value: ArrayLike, width: int) -> FloatArray:
+    """Numbers in rows of this width; an empty list, as JSON has it for no row at all, has lost its second dimension.
+
+    Raises
+    ------
+    InvalidSceneError
+        If it has another shape.
+    """
+    array = numbers(name, value)
+    if array.shape == (0,):
+        return array.reshape(0, width)
+    if array.ndim != 2 or array.shape[1] != width:
+        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape (n, {width})")
+    return array
+
+
 def at_least(
     name: str, value: object, low: float, *, strict: bool = False, error: type[CoreError] = InvalidSceneError
 ) -> float:

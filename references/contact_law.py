@@ -143,7 +143,7 @@ def errors_of_motion(
     mass, load = _sparse(m), np.asarray(f, dtype=np.float64).ravel()
     n = len(load)
     if mass.shape != (n, n) or turned.shape != (offset.size, n):
-        raise ValueError(f"M has shape {mass.shape} and H {turned.shape[::-1]}; f tells of {n} unknowns")
+        raise ValueError(f"M has shape {mass.shape} and H {turned.shape[::-1]}; f has {n} unknowns")
     pull = turned.T @ forces.ravel()
     if (mass - sp.diags_array(mass.diagonal())).count_nonzero():
         try:

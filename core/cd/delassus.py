@@ -63,7 +63,9 @@ class DelassusProblem:
         b, rows = numbers("b", self.b), self.w.shape[0] if sp.issparse(self.w) else len(np.atleast_2d(self.w))
         d = 3 if c and rows == 3 * c else 2
         if b.size != d * c:
-            raise InvalidSceneError(f"b has shape {b.shape}; it must have shape ({c}, {d}): mu tells of {c} contacts")
+            raise InvalidSceneError(
+                f"b has shape {b.shape}; it must have shape ({c}, {d}): there are {c} contacts, one for each mu"
+            )
         object.__setattr__(self, "b", finite("b", b.reshape(c, d), (c, d), most=LARGEST))
         object.__setattr__(self, "w", sparse("W", self.w, (d * c, d * c)))
         diagonal = self.w.diagonal()[::d]
@@ -222,7 +224,9 @@ def _checked(
     offset = numbers("g", g)
     d = 3 if c and offset.size == 3 * c else 2
     if offset.size != d * c:
-        raise InvalidSceneError(f"g has shape {offset.shape}; it must have shape ({c}, {d}): mu tells of {c} contacts")
+        raise InvalidSceneError(
+            f"g has shape {offset.shape}; it must have shape ({c}, {d}): there are {c} contacts, one for each mu"
+        )
     offset = finite("g", offset.reshape(c, d), (c, d), most=LARGEST)
     return (
         _positive(sparse("M", m, (n, n))),

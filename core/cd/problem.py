@@ -103,7 +103,7 @@ class ContactProblem:
             try:
                 object.__setattr__(self, name, _array(name, np.zeros(shape) if absent else value, shape))
             except InvalidSceneError as error:
-                raise InvalidSceneError(f"{error} (mass tells of {b} bodies, bodies of {c} contacts)") from error
+                raise InvalidSceneError(f"{error} (mass is of {b} bodies, bodies of {c} contacts)") from error
         object.__setattr__(self, "bodies", _body_rows(bodies, c, b))
         object.__setattr__(self, "resolution", at_least("resolution", self.resolution, 0.0))
         kind_of("notes", self.notes, Mapping)  # type: ignore[type-abstract]

@@ -363,7 +363,7 @@ def _read_fclib(content: bytes) -> ProblemFile:
             )
             if not same:
                 raise InvalidSceneError(
-                    "its group ninedisk tells of another problem than fclib_global: delete one of them"
+                    "its group ninedisk holds another problem than fclib_global: delete one of them"
                 )
             ones = np.ones((c, 2))
             return ProblemFile(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
-from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, short_repr
+from ninedisk.core.validate import LARGEST, SMALLEST, finite, items_of, numbers, rows_of, short_repr
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -255,16 +255,6 @@ def materials_of(name: str, value: object, n: int) -> tuple[str, ...]:
             f"{name} = {short_repr(value)} is not allowed: it must be a name, or one for each of the {n} bodies"
         )
     return names
-
-
-def rows_of(name: str, value: ArrayLike, width: int) -> FloatArray:
-    """Numbers in rows of this width; an empty list, as JSON has it for no body at all, has lost its second dimension."""
-    array = numbers(name, value)
-    if array.shape == (0,):
-        return array.reshape(0, width)
-    if array.ndim != 2 or array.shape[1] != width:
-        raise InvalidSceneError(f"{name} has shape {array.shape}; it must have shape (n, {width})")
-    return array
 
 
 def flags_of(name: str, value: ArrayLike, shape: tuple[int, ...], form: str) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.shapes.contact_kernels import find_all, place_bodies
 from ninedisk.core.shapes.polyhedron import ConvexPolyhedron
 from ninedisk.core.shapes.state import EDGES, FACES, SPHERE, VERTICES, Contacts, Placed, Solids, Work
-from ninedisk.core.validate import LARGEST, all_of_kind, at_least, finite, numbers
+from ninedisk.core.validate import LARGEST, all_of_kind, at_least, finite, numbers, rows_of
 
 PER_PAIR = 4
 """Contacts per pair for which memory is taken at first."""
@@ -98,9 +98,7 @@ def place(
     >>> np.round(np.abs(placed.vertex).max(axis=0), 12)
     array([2., 1., 3.])
     """
-    centres = numbers("x", x)
-    if centres.ndim != 2 or centres.shape[1] != 3:
-        raise InvalidSceneError(f"x has shape {centres.shape}; it must have shape (b, 3)")
+    centres = rows_of("x", x, 3)
     count = len(centres)
     centres = finite("x", centres, (count, 3), most=LARGEST)
     turns = finite("quaternion", quaternion, (count, 4))
@@ -215,10 +213,7 @@ def find_contacts(
 
 
 def _checked_pairs(pairs: ArrayLike, bodies: int, planes: int) -> IntArray:
-    given = numbers("pairs", pairs)
-    given = given.reshape(-1, 2) if given.size == 0 else given
-    if given.ndim != 2 or given.shape[1] != 2:
-        raise InvalidSceneError(f"pairs has shape {given.shape}; it must have shape (k, 2)")
+    given = rows_of("pairs", pairs, 2)
     bad = (
         (given != np.floor(given)).any(axis=1)
         | (given < 0).any(axis=1)

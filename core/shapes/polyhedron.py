@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.shapes.state import VERTICES
-from ninedisk.core.validate import finite, numbers
+from ninedisk.core.validate import finite, rows_of
 
 FLAT = 1e-9
 """Distance over the size of a polyhedron within which vertices are in one plane, on one edge or the same."""
@@ -170,9 +170,7 @@ class ConvexPolyhedron:
 
 
 def _checked(vertices: ArrayLike) -> FloatArray:
-    points = numbers("vertices", vertices)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InvalidSceneError(f"vertices has shape {points.shape}; it must have shape (v, 3)")
+    points = rows_of("vertices", vertices, 3)
     if not 4 <= len(points) <= VERTICES:
         raise InvalidSceneError(
             f"a polyhedron of {len(points)} vertices is not allowed: it must have 4 to {VERTICES}; leave out vertices"

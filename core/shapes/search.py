@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from ninedisk.core.array_types import FloatArray, IntArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.shapes.search_kernels import pairs_of_level
-from ninedisk.core.validate import LARGEST, at_least, finite, numbers
+from ninedisk.core.validate import LARGEST, at_least, finite, rows_of
 
 CELLS = 2**20
 """Cells along an axis at most, so that three numbers of cells fit into one of 64 bits; beyond, cells are larger."""
@@ -51,9 +51,7 @@ def near_pairs(x: ArrayLike, radius: ArrayLike, margin: float) -> IntArray:
     >>> near_pairs([[0.0, 0.0, 0.0], [2.5, 0.0, 0.0], [2.5, 2.1, 0.0]], [1.0, 1.0, 1.0], 0.2)
     array([[1, 2]])
     """
-    centres = numbers("x", x)
-    if centres.ndim != 2 or centres.shape[1] != 3:
-        raise InvalidSceneError(f"x has shape {centres.shape}; it must have shape (b, 3)")
+    centres = rows_of("x", x, 3)
     centres = finite("x", centres, centres.shape, most=LARGEST)
     radii = finite("radius", radius, (len(centres),), most=LARGEST)
     if np.any(radii < 0.0):

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem import ContactProblem, Sliding
 from ninedisk.core.cd.settings import SolverOptions
+from ninedisk.core.cd.solvers.by_matrix.solve import solve_matrix
 from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import InvalidSceneError, SolverNotConvergedError
@@ -107,14 +108,14 @@ def racers() -> list[Racer]:
     own, siconos = ninedisk.__version__, installed_siconos(SYSTEM_PYTHON)[0] or ""
     qp = {name: package_version(name)[0] or "" for name in ("clarabel", "piqp")}
     return [
-        Racer(BASE["coulomb"], "coulomb", partial(_own_solver, "coulomb"), own),
+        Racer(BASE["coulomb"], "coulomb", partial(own_climbs, "coulomb"), own),
         Racer("siconos nsgs", "coulomb", partial(siconos_climbs, "NSGS", 2), siconos, matrix="sparse blocks of 2 x 2"),
         # A direct method: its tolerance judges the answer and does not change it.
         Racer(
             "siconos lemke", "coulomb", partial(siconos_climbs, "LEMKE", 2), siconos, (1e-12,), DENSE, "dense matrix"
         ),
         Racer("siconos cpg", "coulomb", partial(siconos_climbs, "CPG", 2), siconos, LADDER, DENSE, "dense matrix"),
-        Racer(BASE["associated"], "associated", partial(_own_solver, "associated"), own),
+        Racer(BASE["associated"], "associated", partial(own_climbs, "associated"), own),
         *(Racer(name, "associated", partial(_quadratic, name), version) for name, version in qp.items()),
     ]
 
@@ -132,31 +133,41 @@ def judge(problem: ContactProblem | DelassusProblem, r: FloatArray, sliding: Sli
         return errors_of_motion(*planar, problem.mu, r, associated=sliding == "associated")
 
 
-def _own_solver(sliding: Sliding, jobs: Sequence[Job], limit: float) -> list[Climb]:
+def own_climbs(sliding: Sliding, jobs: Sequence[Job], limit: float) -> list[Climb]:
+    """Climbs of our solvers, of bodies and of matrices."""
     return [_climb_own_solver(sliding, job, limit) for job in jobs]
 
 
 def _climb_own_solver(sliding: Sliding, job: Job, limit: float) -> Climb:
     found: list[Attempt] = []
-    if isinstance(job.problem, DelassusProblem):
-        raise TypeError("a problem of bodies is needed")
     for tolerance in job.tolerances:
+        options = SolverOptions(tolerance=tolerance, time_limit=IN_TIME * limit)
         begin = time.perf_counter()
-        try:
-            solver = ContactSolver("auto", SolverOptions(tolerance=tolerance, time_limit=IN_TIME * limit), sliding)
-            result = solver.solve(job.problem)
-        except InfeasibleContactsError as error:
-            return Climb(tuple(found), reason=str(error))
-        except SolverNotConvergedError as error:
-            if error.forces is not None:
-                found.append(
-                    Attempt(tolerance, error.forces, time.perf_counter() - begin, error.iterations, good=False)
-                )
-            return Climb(tuple(found), reason=str(error))
-        found.append(Attempt(tolerance, result.r, time.perf_counter() - begin, result.iterations, good=True))
-        if judge(job.problem, result.r, sliding).solved(job.until):
+        r, iterations, why = _solved(job.problem, options, sliding)
+        if r is not None:
+            found.append(Attempt(tolerance, r, time.perf_counter() - begin, iterations, good=not why))
+        if why:
+            return Climb(tuple(found), reason=why)
+        if judge(job.problem, found[-1].r, sliding).solved(job.until):
             break
     return Climb(tuple(found))
+
+
+def _solved(
+    problem: ContactProblem | DelassusProblem, options: SolverOptions, sliding: Sliding
+) -> tuple[FloatArray | None, int, str]:
+    """Forces, iterations, and why they are no solution in the solver's own opinion; "" if they are."""
+    if isinstance(problem, DelassusProblem):
+        answer = solve_matrix(problem, options, sliding=sliding)
+        why = "" if answer.error <= options.tolerance else f"its own error stays at {answer.error:.3g}"
+        return answer.r, answer.iterations, why
+    try:
+        result = ContactSolver("auto", options, sliding).solve(problem)
+    except InfeasibleContactsError as error:
+        return None, 0, str(error)
+    except SolverNotConvergedError as error:
+        return error.forces, error.iterations, str(error)
+    return result.r, result.iterations, ""
 
 
 def siconos_climbs(name: str, dimension: int, jobs: Sequence[Job], limit: float) -> list[Climb]:

@@ -8,30 +8,16 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
 from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem_files import read_problem, write_problem
-from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.cone import load_kernels
-from ninedisk.core.cd.solvers.matrix import solve_matrix
+from ninedisk.core.cd.solvers.by_matrix.cone import load_kernels
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.bench.coulomb import (
-    BASE,
-    IN_TIME,
-    Attempt,
-    Climb,
-    Given,
-    Job,
-    Racer,
-    judge,
-    race,
-    siconos_climbs,
-)  # fmt: skip
+from ninedisk.harness.bench.coulomb import BASE, Given, Racer, own_climbs, race, siconos_climbs
 from ninedisk.harness.bench.measure import Reporter
 from ninedisk.harness.engines.process import SYSTEM_PYTHON
 from ninedisk.harness.engines.siconos.adapter import installed_siconos
@@ -44,7 +30,7 @@ def racers() -> list[Racer]:
 
     siconos = installed_siconos(SYSTEM_PYTHON)[0] or ""
     return [
-        Racer(BASE["coulomb"], "coulomb", _own_solver, ninedisk.__version__),
+        Racer(BASE["coulomb"], "coulomb", partial(own_climbs, "coulomb"), ninedisk.__version__),
         Racer("siconos nsgs", "coulomb", partial(siconos_climbs, "NSGS", 3), siconos, matrix="sparse blocks of 3 x 3"),
         Racer("siconos newton", "coulomb", partial(siconos_climbs, "NSN_AC", 3), siconos, matrix="sparse matrix"),
         Racer("siconos admm", "coulomb", partial(siconos_climbs, "ADMM", 3), siconos, matrix="sparse matrix"),
@@ -93,25 +79,3 @@ def run_file(
         facts = {"file": path.name, "disks": 0, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
         given = [Given(problem, file, facts)]
         yield race("coulomb3d", given, chosen, repeats=repeats, time_limit=time_limit, notify=notify)
-
-
-def _own_solver(jobs: Sequence[Job], limit: float) -> list[Climb]:
-    return [_climb(job, limit) for job in jobs]
-
-
-def _climb(job: Job, limit: float) -> Climb:
-    problem = job.problem
-    if not isinstance(problem, DelassusProblem):
-        raise TypeError("a matrix is needed")
-    found: list[Attempt] = []
-    for tolerance in job.tolerances:
-        options = SolverOptions(tolerance=tolerance, time_limit=IN_TIME * limit)
-        begin = time.perf_counter()
-        answer = solve_matrix(problem, options, sliding="coulomb")
-        seconds, good = time.perf_counter() - begin, answer.natural_map <= tolerance
-        found.append(Attempt(tolerance, answer.r, seconds, answer.iterations, good=good))
-        if not good:
-            return Climb(tuple(found), reason=f"its own error stays at {answer.natural_map:.3g}")
-        if judge(problem, answer.r, "coulomb").solved(job.until):
-            break
-    return Climb(tuple(found))

@@ -162,9 +162,9 @@ def _find_answer(
 ) -> tuple[Answer | None, str]:
     """The answer and who found it; where a solver gave up, the best that it has, if any, and nobody."""
     from ninedisk.core.cd.delassus import DelassusProblem
-    from ninedisk.core.cd.solvers.cone import load_kernels
+    from ninedisk.core.cd.solvers.by_matrix.cone import load_kernels
+    from ninedisk.core.cd.solvers.by_matrix.solve import solve_matrix
     from ninedisk.core.cd.solvers.feasibility import InfeasibleContactsError
-    from ninedisk.core.cd.solvers.matrix import solve_matrix
     from ninedisk.core.cd.solvers.solver import ContactSolver
     from ninedisk.core.errors import SolverNotConvergedError
 

@@ -18,6 +18,8 @@ FACTORS = (1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1_000
 """Of the best time, at which the profiles are drawn."""
 PROFILES = {"coulomb": (1e-3, 1e-8, 1e-12), "associated": (1e-8,)}
 """Targets by rule; one that was not raced has no chart."""
+MOST_SINGLE = 3
+"""Families of one problem each that are shown as families."""
 TARGET = 1e-8
 """Of the tables and charts over sizes and families."""
 MOST_PROBLEMS = 60
@@ -137,10 +139,12 @@ def _best(times: Times, target: float) -> dict[str, float]:
 def _families(
     rows: Sequence[Row], order: Sequence[str], times: Times, target: float
 ) -> tuple[tuple[str, int, tuple[float, ...]], ...]:
-    """Family, number of its problems and shares solved, by solver; the family least solved first."""
+    """Family, number of its problems and shares solved, by solver; the family least solved first. Files by many hands have none."""
     members: dict[str, set[str]] = {}
     for row in rows:
         members.setdefault(str(row["problem"]).partition("-")[0], set()).add(row["problem"])
+    if sum(len(its) == 1 for its in members.values()) > 0.5 * len(members) and len(members) > MOST_SINGLE:
+        return ()
     found = [
         (
             name,

@@ -167,6 +167,17 @@ def test_the_race_counts_all_problems_and_shows_the_hardest_first(tmp_path: Path
     assert "<b>off</b>" not in page
 
 
+def test_files_of_many_names_are_no_families(tmp_path: Path) -> None:
+    rows = [{**each, "suite": "coulomb3d"} for each in raced()]
+    many = [{**each, "problem": f"file{k}"} for k in range(5) for each in rows if each["problem"] == "drum-10"]
+    (race,) = races(many, "coulomb3d")
+    assert race.families == ()
+    assert races(many, "coulomb") == []
+    page = page_of(many, tmp_path)
+    assert "Contact problems in space" in page
+    assert "Families, least solved first" not in page
+
+
 def test_records_of_flows_from_before_friction_was_judged_are_read(tmp_path: Path) -> None:
     reported = {
         "suite": "flow",

@@ -86,9 +86,20 @@ def not_converged(
 
 
 class MatrixSolution(NamedTuple):
-    """Best forces ``r`` that were found, shape (c, d), their natural map, sweeps and changes of statuses, and the seconds it took."""
+    """Best forces ``r`` of a problem that is given by its matrix, shape (c, d).
+
+    Attributes
+    ----------
+    r : ndarray, shape (c, d)
+    error : float
+        What the solver holds against its tolerance: in 2D the natural map, in 3D the largest of all relative errors.
+    iterations : int
+        Sweeps and steps of other methods.
+    seconds : float
+        Wall-clock time.
+    """
 
     r: FloatArray
-    natural_map: float
+    error: float
     iterations: int
     seconds: float

@@ -786,23 +786,26 @@ def hertz_disk(info: EngineInfo) -> Probe:
     scene = on_floor(ContactLaw(e_star=e_star), overlap=sunk)
     numerics = Numerics(dt=0.0005, n_steps=20)
 
+    mend = "a contact of disks with e_star is that of spheres of the same radii: fn = (4/3) E* sqrt(R) overlap^(3/2)"
+    return Probe(
+        title="Hertz' law of a disk",
+        setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)),
+        closed_forms=_rests(info, sunk, mend),
+    )
+
+
+def _rests(info: EngineInfo, sunk: float, mend: str) -> Callable[[History], list[ClosedForm]]:
+    """Overlap and force of a disk that rests on a floor, ``sunk`` [m] deep."""
+    why, bound = "equilibrium: round-off", round_off(info)
+
     def closed_forms(history: History) -> list[ClosedForm]:
-        why = "equilibrium: round-off"
-        mend = (
-            "a contact of disks with e_star is that of spheres of the same radii: fn = (4/3) E* sqrt(R) overlap^(3/2)"
-        )
-        bound = round_off(info)
         return [
             ClosedForm(quantity="overlap", unit="m", value=R - history.x[:, 0, 1], expected=np.full(21, sunk), bound=bound * R,
                        why=why, mend=mend),
             ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=M * G, bound=1e3 * bound * M * G, why=why, mend=mend),
         ]  # fmt: skip
 
-    return Probe(
-        title="Hertz' law of a disk",
-        setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)),
-        closed_forms=closed_forms,
-    )
+    return closed_forms
 
 
 def stuck_deep(info: EngineInfo) -> Probe:
@@ -811,18 +814,11 @@ def stuck_deep(info: EngineInfo) -> Probe:
     scene = on_floor(ContactLaw(kn=KN, cohesion=0.5 * KN), overlap=sunk)
     numerics = Numerics(dt=0.0005, n_steps=20)
 
-    def closed_forms(history: History) -> list[ClosedForm]:
-        why = "equilibrium: round-off"
-        mend = "cohesion is a force of -cohesion times the overlap beside kn times it; fn is both together"
-        bound = round_off(info)
-        return [
-            ClosedForm(quantity="overlap", unit="m", value=R - history.x[:, 0, 1], expected=np.full(21, sunk), bound=bound * R,
-                       why=why, mend=mend),
-            ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=M * G, bound=1e3 * bound * M * G, why=why, mend=mend),
-        ]  # fmt: skip
-
+    mend = "cohesion is a force of -cohesion times the overlap beside kn times it; fn is both together"
     return Probe(
-        title="cohesion", setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)), closed_forms=closed_forms
+        title="cohesion",
+        setup=Setup(scene=scene, numerics=numerics, watch=(FLOOR,)),
+        closed_forms=_rests(info, sunk, mend),
     )
 
 

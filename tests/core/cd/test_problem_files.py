@@ -16,7 +16,7 @@ from ninedisk.core.cd.problem import ContactProblem, measure
 from ninedisk.core.cd.problem_files import Answer, Bodies, MissingH5pyError, read_problem, write_problem
 from ninedisk.core.cd.problem_text import COLUMNS, DENSE, ROWS, SPARSE, TRIPLET, TextMatrix, TextProblem, parse, text_of
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.matrix import solve_matrix
+from ninedisk.core.cd.solvers.by_matrix.solve import solve_matrix
 from ninedisk.core.cd.solvers.solver import ContactSolver
 from ninedisk.core.errors import InvalidSceneError
 
@@ -215,9 +215,7 @@ def test_a_matrix_alone_is_solved_as_its_bodies_are(kind, sliding):
 def test_statuses_finish_what_fifty_sweeps_begin(kind):
     problem = small(kind) if kind == "column" else problems.of_kind(problems.hyperstatic, 60)
     matrix = DelassusProblem(w=problem.delassus(), b=problem.b, mu=problem.mu)
-    assert (
-        solve_matrix(matrix, SolverOptions(tolerance=1e-12, max_iterations=50), sliding="coulomb").natural_map <= 1e-12
-    )
+    assert solve_matrix(matrix, SolverOptions(tolerance=1e-12, max_iterations=50), sliding="coulomb").error <= 1e-12
 
 
 def hdf5(path, change):
@@ -269,7 +267,7 @@ def test_what_our_own_group_says_is_what_the_matrices_say(tmp_path):
     assert isinstance(read_problem(path).matrices, Bodies)
     with h5py.File(path, "r+") as file:
         file["fclib_global/vectors/f"][0] += 1e-12
-    with pytest.raises(InvalidSceneError, match="group ninedisk tells of another problem"):
+    with pytest.raises(InvalidSceneError, match="group ninedisk holds another problem"):
         read_problem(path)
     with h5py.File(path, "r+") as file:
         del file["ninedisk"]  # then the matrices alone are read

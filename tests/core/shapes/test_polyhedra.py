@@ -185,7 +185,7 @@ CUBE = np.array([[i, j, k] for i in (0.0, 1.0) for j in (0.0, 1.0) for k in (0.0
         (np.vstack([CUBE, CUBE[3] + 1e-12]), "vertex 8 is no corner"),
         (np.vstack([CUBE, CUBE[3] + 1e-10 * CUBE[5]]), "vertex 8 is no corner"),
         (np.where(CUBE[5] == CUBE, np.nan, CUBE), "is not allowed: it must be finite"),
-        (CUBE[:, :2], "vertices has shape (8, 2); it must have shape (v, 3)"),
+        (CUBE[:, :2], "vertices has shape (8, 2); it must have shape (n, 3)"),
         (CUBE * 1e70, "change units"),
         (CUBE * 1e-70, "change units"),
         ([["a", 0, 0]] * 4, "vertices must be numbers"),

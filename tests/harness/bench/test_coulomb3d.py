@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from ninedisk.core.cd.delassus import DelassusProblem
 from ninedisk.core.cd.problem_files import write_problem
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.matrix import solve_matrix
+from ninedisk.core.cd.solvers.by_matrix.solve import solve_matrix
 from ninedisk.harness.bench.coulomb import TOLERANCES, Attempt, Climb, Given, Job, Racer, race, siconos_climbs
 from ninedisk.harness.bench.coulomb3d import problem_files, racers
 from ninedisk.harness.cli.app import app

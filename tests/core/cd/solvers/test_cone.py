@@ -8,10 +8,10 @@ import scipy.sparse as sp
 
 from ninedisk.core.cd.delassus import DelassusProblem, natural_map, project
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers import cone
-from ninedisk.core.cd.solvers import cone_kernels as kernels
-from ninedisk.core.cd.solvers.cone import largest_error
-from ninedisk.core.cd.solvers.matrix import solve_matrix
+from ninedisk.core.cd.solvers.by_matrix import cone
+from ninedisk.core.cd.solvers.by_matrix import cone_kernels as kernels
+from ninedisk.core.cd.solvers.by_matrix.cone import largest_error
+from ninedisk.core.cd.solvers.by_matrix.solve import solve_matrix
 from ninedisk.references.contact_law import errors_of_forces
 
 RULES = ["coulomb", "associated"]
@@ -80,8 +80,9 @@ def test_problems_around_a_solution_are_solved(c, rank, sliding):
     assert errors.solved(1e-9), errors
     own = largest_error(problem, found.r, coulomb=sliding == "coulomb")
     assert own <= 1e-10
-    # What the solvers call their error is what the law calls it, up to the bound on the program's value.
-    np.testing.assert_allclose(own, max(errors[:5]), rtol=0.5, atol=1e-14)
+    # What the solvers call their error is what the law calls it, but for the bound on the program's value. The rounding of u, some
+    # 1e-14 of its terms, is not the same in both.
+    np.testing.assert_allclose(own, max(errors[:5]), rtol=1e-3, atol=1e-13)
 
 
 def test_forces_that_are_unique_are_found():
@@ -177,7 +178,7 @@ def test_contacts_that_open_have_no_forces():
     problem = DelassusProblem(w=np.eye(6), b=[[1.0, 2.0, 0.0], [0.0, -1.0, 3.0]], mu=[0.5, 0.0])
     found = solve_matrix(problem, SolverOptions(), sliding="coulomb")
     assert (found.r == 0.0).all()
-    assert found.natural_map == 0.0
+    assert found.error == 0.0
 
 
 def test_what_has_no_solution_is_never_called_solved():
@@ -194,7 +195,7 @@ def test_limits_are_kept():
     problem, _ = built(150, 9, "coulomb", rank=0.6)
     few = solve_matrix(problem, SolverOptions(tolerance=1e-12, max_iterations=3), sliding="coulomb")
     assert few.iterations <= 3
-    assert few.natural_map > 1e-12
+    assert few.error > 1e-12
     late = solve_matrix(problem, SolverOptions(tolerance=1e-12, time_limit=1e-9), sliding="coulomb")
     assert natural_map(problem, late.r, coulomb=True) > 1e-12
 

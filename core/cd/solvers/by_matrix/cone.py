@@ -20,7 +20,7 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.core.cd.delassus import DelassusProblem, project
 from ninedisk.core.cd.problem import TINY, Sliding
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers import cone_kernels as kernels
+from ninedisk.core.cd.solvers.by_matrix import cone_kernels as kernels
 from ninedisk.core.cd.solvers.outcome import MatrixSolution, Stopwatch
 
 FIRST_SWEEPS, MOST_SWEEPS = 4, 252
@@ -112,7 +112,7 @@ def delassus_arrays(problem: DelassusProblem) -> kernels.Delassus:
 
 
 def largest_error(problem: DelassusProblem, r: FloatArray, *, coulomb: bool) -> float:
-    """Largest relative error of forces ``r``, shape (c, 3), inside the cones: see `ninedisk.core.cd.solvers.cone_kernels.largest_error`."""
+    """Largest relative error of forces ``r``, shape (c, 3), inside the cones, as `cone_kernels.largest_error` beside this file has it."""
     return kernels.largest_error(delassus_arrays(problem), coulomb, np.ascontiguousarray(r, dtype=np.float64).ravel())
 
 

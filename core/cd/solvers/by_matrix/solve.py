@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.core.cd import delassus_kernels as kernels
 from ninedisk.core.cd.delassus import DelassusProblem, natural_map, project, rounding_floor
 from ninedisk.core.cd.problem import Sliding
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.cone import solve_cones
+from ninedisk.core.cd.solvers.by_matrix import plane_kernels as kernels
+from ninedisk.core.cd.solvers.by_matrix.cone import solve_cones
 from ninedisk.core.cd.solvers.outcome import MatrixSolution, Stopwatch
 
 FIRST_SWEEPS, MOST_SWEEPS = 50, 2_000_000
@@ -28,7 +28,7 @@ REFINEMENTS = 4
 def solve_matrix(problem: DelassusProblem, options: SolverOptions, *, sliding: Sliding) -> MatrixSolution:
     """Forces of a problem of either dimension, the best that were found: whether they are a solution is for the caller to judge.
 
-    In 3D see `ninedisk.core.cd.solvers.cone.solve_cones`. In 2D:
+    In 3D see `ninedisk.core.cd.solvers.by_matrix.cone.solve_cones`. In 2D:
 
     Gauss-Seidel until the statuses of the contacts are those of a solution, whose linear system is then solved.
 
