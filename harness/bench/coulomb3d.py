@@ -17,11 +17,13 @@ from ninedisk.core.cd.problem_files import read_problem, write_problem
 from ninedisk.core.cd.solvers.by_matrix.cone import load_kernels
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.text import one_line
 from ninedisk.harness.bench.coulomb import BASE, Given, Racer, own_climbs, race, siconos_climbs
 from ninedisk.harness.bench.measure import Reporter
 from ninedisk.harness.engines.process import SYSTEM_PYTHON
 from ninedisk.harness.engines.siconos.adapter import installed_siconos
 from ninedisk.harness.results.schema import Row
+from ninedisk.harness.terminal import console
 
 
 def racers() -> list[Racer]:
@@ -38,7 +40,7 @@ def racers() -> list[Racer]:
 
 
 def problem_files(folder: Path) -> dict[str, Path]:
-    """Files of a folder that hold a contact problem in space, by name.
+    """Files of a folder that hold a contact problem in space, by name; each other one is printed with the reason.
 
     Raises
     ------
@@ -58,9 +60,13 @@ def problem_files(folder: Path) -> dict[str, Path]:
             continue
         if isinstance(problem, DelassusProblem) and problem.dimension == 3 and problem.n_contacts:
             found[path.name] = path
+        else:
+            left_out.append(f"{path.name}: its problem is of the plane, or has no contacts")
     if not found:
         why = f" ({left_out[0]})" if left_out else ""
         raise UsageError(f"--files {str(folder)!r} holds no contact problem in 3D{why}")
+    for each in left_out:
+        console().print(one_line(f"left out: {each}"))
     return found
 
 

@@ -46,8 +46,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "set"
 
 
-def test_problems_in_space_are_found_among_others(folder: Path) -> None:
+def test_problems_in_space_are_found_and_others_are_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sorted(problem_files(folder)) == ["eight.dat", "five.npz"]
+    said = " ".join(capsys.readouterr().out.split())
+    assert "left out: flat.npz: its problem is of the plane" in said
+    assert "left out: readme.txt:" in said
+    assert "must be the dimension" in said
 
 
 def test_the_command_prints_shares_and_writes_record_and_page(folder: Path, tmp_path: Path) -> None:
