@@ -37,7 +37,7 @@ class History:
         The watched contacts, as body numbers.
     gap, fn, fs : ndarray, shape (s, c)
         Gap [m], normal and shear contact force [N] of the watched pairs (sign conventions of `ninedisk.core.scene`). Bodies with
-        outlines can touch at several places: the gap is then the smallest one, ``fn`` and ``fs`` are sums over the contacts, each of
+        outlines, and boxes, can touch at several places: the gap is then the smallest one, ``fn`` and ``fs`` are sums over the contacts, each of
         which has its own normal and tangent.
     force_meaning : {"instantaneous", "step-mean"}
         Whether ``fn, fs`` are forces at ``t`` or impulses of the step that ends at ``t`` divided by its length.
@@ -58,6 +58,12 @@ class History:
         law fed since time 0, which friction alone lets them do: summed over the contacts that feed; and with the budget ``held_work``,
         what was fed by what holds disks in their course, and ``scheme_loss``, what the implicit scheme itself takes (< 0: feeds): with
         these two the budget closes to round-off.
+    quaternion : ndarray, shape (s, n, 4), or None
+        Of scenes with boxes: rotations from the bodies' frames to the scene's, as unit quaternions ``(w, x, y, z)`` of either sign. None: the
+        scene has no box, or it was not observed.
+    moment : ndarray, shape (s, c, 3), or None
+        Of scenes with boxes: torque [N m] of the contact forces of a watched pair on its first body, about that body's centre. With
+        the force it says where a face is loaded. None: the scene has no box, or it was not observed.
     stress : ndarray, shape (s, 2, d, d), or None
         Of a periodic cell: stress [N/m], in 3D [Pa], compression positive, by contact forces (first) and by velocities beside the
         cell's affine flow and the bodies' mean one (second); row a, column b is the force along a on an edge or face whose normal is
@@ -91,6 +97,8 @@ class History:
     energy: Mapping[str, FloatArray] = field(default_factory=dict)
     particles: tuple[int, ...] | None = None
     stress: FloatArray | None = None
+    quaternion: FloatArray | None = None
+    moment: FloatArray | None = None
 
     def contact(self, pair: Pair) -> int:
         """Return the column of a watched pair in ``gap``, ``fn`` and ``fs``; KeyError if it was not watched."""
@@ -111,8 +119,9 @@ class History:
         force_meaning: Literal["instantaneous", "step-mean"] = "instantaneous",
         energies: tuple[str, ...] = (),
         dimension: int = 2,
+        boxes: bool = False,
     ) -> History:
-        """Make a history of the right shapes, filled with NaN, for an engine to write into."""
+        """Make a history of the right shapes, filled with NaN, for an engine to write into; ``boxes``: the scene has some."""
         s, c = len(step), len(pairs)
         turn = () if dimension == 2 else (3,)
 
@@ -135,4 +144,6 @@ class History:
             wall_angle=blank(n_walls, *turn),
             wall_force=blank(n_walls, dimension),
             energy={name: blank() for name in energies},
+            quaternion=blank(n_disks, 4) if boxes else None,
+            moment=blank(c, 3) if boxes else None,
         )

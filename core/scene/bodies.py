@@ -1,4 +1,4 @@
-"""Rigid bodies of a scene: disks and grains in 2D, spheres in 3D."""
+"""Rigid bodies of a scene: disks and grains in 2D, spheres and boxes in 3D."""
 
 from __future__ import annotations
 
@@ -68,10 +68,7 @@ class Bodies:
         radius, mass = self._column("radius", self.radius, n), self._column("mass", self.mass, n)
         sizes_in_range(f"{name}.radius", radius)
         sizes_in_range(f"{name}.mass", mass)
-        with np.errstate(over="ignore"):  # an infinite one is refused by name below
-            uniform = UNIFORM[d] * mass * radius**2
-        inertia = self._column("inertia", uniform if self.inertia is None else self.inertia, n)
-        sizes_in_range(f"{name}.inertia", inertia, SMALLEST**2, LARGEST**2)
+        inertia = self._checked_inertia(radius, mass)
         checked: dict[str, Any] = {
             "x": finite(f"{name}.x", x, (n, d), most=LARGEST),
             "v": self._vectors("v", self.v, n),
@@ -92,6 +89,14 @@ class Bodies:
         }
         for field, value in checked.items():
             object.__setattr__(self, field, value)
+
+    def _checked_inertia(self, radius: FloatArray, mass: FloatArray) -> FloatArray:
+        """Moments of inertia [kg m^2] as the class keeps them; those of uniform bodies where none are given."""
+        with np.errstate(over="ignore"):  # an infinite one is refused by name below
+            uniform = UNIFORM[self.dimension] * mass * radius**2
+        inertia = self._column("inertia", uniform if self.inertia is None else self.inertia, len(mass))
+        sizes_in_range(f"{self.noun}s.inertia", inertia, SMALLEST**2, LARGEST**2)
+        return inertia
 
     def _column(self, field: str, value: ArrayLike, n: int, *, most: float = np.inf) -> FloatArray:
         array = numbers(f"{self.noun}s.{field}", value)
@@ -189,12 +194,23 @@ class Disks(Bodies):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spheres(Bodies):
-    """Rigid spheres in 3D.
+    """Rigid spheres and boxes in 3D.
 
     Parameters
     ----------
-    x, radius, mass, inertia, v, omega, rotating, held, material
-        As in `Bodies`, with d = 3.
+    x, mass, v, omega, rotating, held, material
+        As in `Bodies`, with d = 3. ``omega`` of a box has the axes of the scene, like that of a sphere.
+    radius : array_like, shape (n,) or scalar, optional
+        Radii [m]. That of a box is the radius of a sphere about its centre that encloses it: the contact search uses it, contacts do
+        not. It may be left out where all bodies are boxes.
+    inertia : array_like, optional
+        Moments of inertia about the centre [kg m^2], > 0: shape (n,) or scalar where all bodies are spheres; where some are boxes,
+        shape (n, 3), about the axes of the body's frame. None means uniform bodies: ``(2/5) m R^2`` of spheres,
+        ``m (b^2 + c^2)/3`` of boxes with the half edges b and c across the axis.
+    half_sizes : array_like, shape (n, 3), optional
+        Half the edges of boxes [m] along the axes of the body's frame, > 0; a row of zeros is a sphere. None: all are spheres.
+    quaternion : array_like, shape (n, 4), optional
+        Rotations from the bodies' frames to the scene's at time 0, as unit quaternions ``(w, x, y, z)``. None: the frames are parallel.
 
     Raises
     ------
@@ -207,12 +223,82 @@ class Spheres(Bodies):
 
     >>> Spheres(x=[[0.0, 0.0, 1.0]], radius=0.5, mass=2.0).inertia
     array([0.2])
+
+    A uniform box of 2 m x 4 m x 6 m:
+
+    >>> box = Spheres(x=[[0.0, 0.0, 3.0]], mass=3.0, half_sizes=[[1.0, 2.0, 3.0]])
+    >>> box.inertia, box.radius.round(9), box.boxes
+    (array([[13., 10.,  5.]]), array([3.74165739]), array([ True]))
     """
+
+    radius: FloatArray = None  # type: ignore[assignment]
+    half_sizes: FloatArray = None  # type: ignore[assignment]
+    quaternion: FloatArray = None  # type: ignore[assignment]
 
     dimension: ClassVar[int] = 3
     noun: ClassVar[str] = "sphere"
 
+    def __post_init__(self) -> None:
+        n = len(rows_of("spheres.x", self.x, 3))
+        half = self._vectors("half_sizes", self.half_sizes, n)
+        object.__setattr__(self, "half_sizes", half)
+        boxes = self.boxes
+        if np.any(half[boxes] <= 0.0):
+            i = int(np.flatnonzero(boxes & (half <= 0.0).any(axis=1))[0])
+            raise InvalidSceneError(
+                f"spheres.half_sizes[{i}] = {half[i].tolist()} is not allowed: half the edges of a box must be > 0; a sphere has zeros"
+            )
+        turns = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (n, 4)) if self.quaternion is None else self.quaternion
+        object.__setattr__(self, "quaternion", _unit_quaternions("spheres.quaternion", turns, n))
+        diagonal = np.sqrt(np.sum(half**2, axis=1))
+        if self.radius is None:
+            if not boxes.all():
+                raise InvalidSceneError(
+                    f"spheres.radius is missing and body {int(np.argmin(boxes))} is a sphere: give the radii"
+                )
+            object.__setattr__(self, "radius", diagonal)
+        super().__post_init__()
+        open_ = np.flatnonzero(self.radius < diagonal * (1.0 - 1e-12))  # the round-off of a diagonal
+        if len(open_):
+            i = int(open_[0])
+            raise InvalidSceneError(
+                f"spheres.radius[{i}] = {self.radius[i]:g} is not allowed: the radius of a box encloses it, so it must be at least half "
+                f"its diagonal, {diagonal[i]:g}; or leave it out where all bodies are boxes"
+            )
 
+    @property
+    def boxes(self) -> NDArray[np.bool_]:
+        """Which bodies are boxes, shape (n,)."""
+        boxes: NDArray[np.bool_] = self.half_sizes.any(axis=1)
+        return boxes
+
+    def _checked_inertia(self, radius: FloatArray, mass: FloatArray) -> FloatArray:
+        boxes = self.boxes
+        if not boxes.any():
+            return super()._checked_inertia(radius, mass)
+        with np.errstate(over="ignore"):  # an infinite one is refused by name below
+            square = self.half_sizes**2
+            of_box = mass[:, None] * (square.sum(axis=1)[:, None] - square) / 3.0
+            of_sphere = (UNIFORM[3] * mass * radius**2)[:, None]
+            uniform = np.where(boxes[:, None], of_box, of_sphere)
+        given = uniform if self.inertia is None else rows_of("spheres.inertia", self.inertia, 3)
+        inertia = finite("spheres.inertia", given, (len(mass), 3))
+        for k in range(3):
+            sizes_in_range("spheres.inertia", inertia[:, k], SMALLEST**2, LARGEST**2)
+        return inertia
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON; what scenes of spheres lack is left out."""
+        plain = super().to_dict()
+        if not self.boxes.any():
+            del plain["half_sizes"]
+        if not np.any(self.quaternion != [1.0, 0.0, 0.0, 0.0]):
+            del plain["quaternion"]
+        return plain
+
+
+UNIT = 1e-9
+"""How far the square of a quaternion's size may be from 1: what is farther is a mistake, not rounding."""
 UNIFORM = {2: 0.5, 3: 0.4}
 """Moment of inertia of a uniform disk or sphere over ``m R^2``, by the dimension."""
 
@@ -226,6 +312,18 @@ def sizes_in_range(name: str, values: FloatArray, low: float = SMALLEST, high: f
             raise InvalidSceneError(
                 f"{name}[{i}] = {values[i]:g} is not allowed: it must lie between {low:g} and {high:g}; change units"
             )
+
+
+def _unit_quaternions(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Read-only unit quaternions of ``n`` bodies, or `InvalidSceneError`."""
+    turns = finite(name, rows_of(name, value, 4), (n, 4))
+    off = np.flatnonzero(np.abs(np.sum(turns**2, axis=1) - 1.0) > UNIT)
+    if len(off):
+        i = int(off[0])
+        raise InvalidSceneError(
+            f"{name}[{i}] = {turns[i].tolist()} is not allowed: its size must be 1, here it is {np.linalg.norm(turns[i]):g}"
+        )
+    return turns
 
 
 def _outline_numbers(value: object, n: int) -> NDArray[np.int64]:

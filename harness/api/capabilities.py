@@ -71,6 +71,7 @@ class Capability(StrEnum):
     COHESION_3D = "linear cohesion of spheres beside the normal spring"
     PERIODIC_CELL_3D = "periodic cell of spheres, at rest or deforming affinely"
     ROLLING_VISCOUS_3D = "rolling resistance of spheres by a viscous torque (model B)"
+    BOXES = "boxes in space, with contacts at corners, edges and faces"
     HERTZ_MINDLIN_2D = "Hertz-Mindlin contact of disks, as of spheres whose centres stay in a plane"
 
 
@@ -179,9 +180,10 @@ SPACE = (
         Capability.TWISTING_SPRING,
         Capability.SURFACE_DMT,
         Capability.SURFACE_JKR,
+        Capability.BOXES,
     }
 )
-"""What only engines of spheres have."""
+"""What only engines of bodies in space have."""
 
 
 def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> frozenset[Capability]:
@@ -272,6 +274,8 @@ def capabilities_needed(scene: Scene | SphereScene, numerics: Numerics) -> froze
         need.add(Capability.PRELOAD)
     if scene.cell is not None:
         need.add(Capability.PERIODIC_CELL)
+    if isinstance(scene, SphereScene) and scene.spheres.boxes.any():
+        need.add(Capability.BOXES)
     if isinstance(scene, Scene):
         return frozenset(IN_2D.get(each, each) for each in need | _needed_in_2d(scene))
     return frozenset(IN_3D.get(each, each) for each in need)

@@ -85,6 +85,7 @@ _OBJECT = re.compile(r'\{\s*"')
 
 _NEAR = 30
 
+OPTIONAL_ARRAYS = ("stress", "quaternion", "moment")
 HISTORY_FILE_KEYS = ("file", "force_meaning")
 
 ENERGY = "energy."
@@ -180,7 +181,11 @@ def encode_answer(answer: Answer) -> str:
                 **fields,
                 "force_meaning": history.force_meaning,
                 "energy": {name: _lists(series) for name, series in history.energy.items()},
-                **({} if history.stress is None else {"stress": _lists(history.stress)}),
+                **{
+                    name: _lists(values)
+                    for name in OPTIONAL_ARRAYS
+                    if (values := getattr(history, name)) is not None
+                },
             },
         },
         allow_nan=False,
@@ -233,9 +238,9 @@ def _history(
     shapes = _shapes(len(scene.bodies), len(scene.walls), len(pairs), scene.dimension)
     if isinstance(data, Mapping) and "file" in data:
         expect_keys(data, HISTORY_FILE_KEYS, "history")
-        found = read_history_file(data["file"], folder, (*shapes, "stress"))
+        found = read_history_file(data["file"], folder, (*shapes, *OPTIONAL_ARRAYS))
         data = {**found, "force_meaning": data["force_meaning"]}
-    expect_keys(data, ("step", *shapes, "force_meaning", "energy"), "history", optional=("stress",))
+    expect_keys(data, ("step", *shapes, "force_meaning", "energy"), "history", optional=OPTIONAL_ARRAYS)
     steps = step_array(data["step"], numerics.sampled_steps())
     arrays = {name: float_array(data[name], f"history.{name}", (len(steps), *shape)) for name, shape in shapes.items()}
     _check_state(arrays, steps, numerics)
@@ -247,10 +252,14 @@ def _history(
         name: float_array(series, f"history.energy.{name}", (len(steps),)) for name, series in data["energy"].items()
     }
     fields: dict[str, Any] = {**arrays}
-    if data.get("stress") is not None:
-        fields["stress"] = float_array(
-            data["stress"], "history.stress", (len(steps), 2, scene.dimension, scene.dimension)
-        )
+    optional = {
+        "stress": (2, scene.dimension, scene.dimension),
+        "quaternion": (len(scene.bodies), 4),
+        "moment": (len(pairs), 3),
+    }
+    for name, shape in optional.items():
+        if data.get(name) is not None:
+            fields[name] = float_array(data[name], f"history.{name}", (len(steps), *shape))
     return History(step=steps, pairs=pairs, force_meaning=data["force_meaning"], energy=energy, **fields)
 
 

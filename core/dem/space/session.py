@@ -898,6 +898,9 @@ def _wall_speed(wall: PlaneWall) -> float:
 def _check(scene: SphereScene, numerics: Numerics) -> None:
     if len(scene.spheres) == 0:
         raise InvalidSceneError("the scene has no sphere: there is nothing to simulate")
+    if scene.spheres.boxes.any():
+        box = int(np.argmax(scene.spheres.boxes))
+        raise InvalidSceneError(f"body {box} is a box, which the DEM does not have: use method = 'cd'")
     if numerics.regime == "quasi-static":
         raise InvalidNumericsError("regime = 'quasi-static' is not allowed for spheres: use 'dynamic'")
     for law in scene.laws_in_use:

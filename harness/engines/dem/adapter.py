@@ -34,6 +34,7 @@ LACKS = frozenset(
         Capability.RESTITUTION,
         Capability.QUASI_STATIC,
         Capability.ADHESION,
+        Capability.BOXES,
     }
 )
 

@@ -68,6 +68,7 @@ SCENE = SCHEMAS["scene"]["$defs"]
 REQUEST_JUNK: tuple[Any, ...] = (None, True, -1, -0.5, 0, "x", [], {}, [[1.0]])
 LEFT_OUT = {"cpu", "outlines", "outline", "angle", "contact", "slip_at", "material", "laws", "forces", "cell"}
 LEFT_OUT |= {"rolling", "cohesion", "adhesion", "energy_budget", "stress", "e_star", "g_star", "unloading"}
+LEFT_OUT |= {"half_sizes", "quaternion", "moment"}
 """Keys that scenes leave out where they have their default value."""
 JUNK: tuple[Any, ...] = (*REQUEST_JUNK, float("inf"), 2**70)
 TOGETHER = "it must have shape|one for|m behind wall|the first body is a disk|zero normal|that the numerics ask for"
