@@ -37,8 +37,8 @@ class History:
         The watched contacts, as body numbers.
     gap, fn, fs : ndarray, shape (s, c)
         Gap [m], normal and shear contact force [N] of the watched pairs (sign conventions of `ninedisk.core.scene`). Bodies with
-        outlines, and boxes, can touch at several places: the gap is then the smallest one, ``fn`` and ``fs`` are sums over the contacts, each of
-        which has its own normal and tangent.
+        outlines, and boxes, can touch at several places: the gap is then the smallest one, ``fn`` and ``fs`` are sums over the
+        contacts, each of which has its own normal and tangent.
     force_meaning : {"instantaneous", "step-mean"}
         Whether ``fn, fs`` are forces at ``t`` or impulses of the step that ends at ``t`` divided by its length.
     wall_point : ndarray, shape (s, m, 2)
@@ -59,8 +59,8 @@ class History:
         what was fed by what holds disks in their course, and ``scheme_loss``, what the implicit scheme itself takes (< 0: feeds): with
         these two the budget closes to round-off.
     quaternion : ndarray, shape (s, n, 4), or None
-        Of scenes with boxes: rotations from the bodies' frames to the scene's, as unit quaternions ``(w, x, y, z)`` of either sign. None: the
-        scene has no box, or it was not observed.
+        Of scenes with boxes: rotations from the bodies' frames to the scene's, unit quaternions ``(w, x, y, z)`` of either sign. None:
+        the scene has no box, or it was not observed.
     moment : ndarray, shape (s, c, 3), or None
         Of scenes with boxes: torque [N m] of the contact forces of a watched pair on its first body, about that body's centre. With
         the force it says where a face is loaded. None: the scene has no box, or it was not observed.

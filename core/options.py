@@ -30,6 +30,8 @@ class Option:
         Whether any text is allowed.
     none : str
         Meaning of None, which the command line writes ``none``; empty: None is not allowed.
+    stock : str, int, float or None
+        Default under the engine's own settings (option ``profile``); None: the same.
     """
 
     default: Any
@@ -42,6 +44,7 @@ class Option:
     choices: tuple[str, ...] = ()
     text: bool = False
     none: str = ""
+    stock: Any = None
 
     @property
     def allowed(self) -> str:
@@ -97,8 +100,16 @@ class Option:
         return int(number) if self.whole else number
 
 
+PROFILE = Option(
+    default="tuned",
+    choices=("tuned", "stock"),
+    why="stock: every other setting is the engine's own, as in a script that sets the physics alone",
+)
+"""The option ``profile`` of an engine that has stock settings."""
+
+
 def read_options(engine: str, known: Mapping[str, Option], numerics: Numerics) -> dict[str, Any]:
-    """All settings of ``engine`` by their full names: the defaults, then what ``numerics.options`` says.
+    """All settings of ``engine`` by their full names: the defaults, of its profile if it has any, then what ``numerics.options`` says.
 
     Parameters
     ----------
@@ -113,7 +124,11 @@ def read_options(engine: str, known: Mapping[str, Option], numerics: Numerics) -
     InvalidNumericsError
         Unknown name, or a value that is not allowed.
     """
-    options = {f"{engine}.{name}": option.default for name, option in known.items()}
+    stock = numerics.options.get(f"{engine}.profile") == "stock"
+    options = {
+        f"{engine}.{name}": option.stock if stock and option.stock is not None else option.default
+        for name, option in known.items()
+    }
     for name, value in numerics.options.items():
         if not name.startswith(f"{engine}."):
             continue

@@ -59,6 +59,7 @@ from ninedisk.reports.panel.load import Stored, load_store
 from ninedisk.reports.panel.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.panel.text import decoded
 from ninedisk.reports.panel.uses import uses
+from ninedisk.reports.stock import by_profile, stock_page
 from ninedisk.reports.studies import comparison_page
 
 Progress = Callable[[str, int, int], None]
@@ -137,6 +138,8 @@ def build_report(
 
 def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     """Write index, errata, case and engine pages, style sheet, scripts, numbers and figures into ``folder``."""
+    tuned, stock = by_profile(stored)
+    stored = tuned if tuned.cells else stored
     panel = build_panel(stored)
     env = pages.environment()
     for name in ("case", "engine", "figures", "data", "assets"):
@@ -171,7 +174,9 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     if stored.changes:
         (folder / "changes.html").write_text(comparison_page(stored.changes), encoding="utf-8")
     (folder / "statuses.html").write_text(pages.statuses_page(env), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel, found), encoding="utf-8")
+    if stock.cells:
+        (folder / "stock.html").write_text(stock_page(env, panel, stock), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, found, stock=bool(stock.cells)), encoding="utf-8")
     progress("writing pages", total, total)
 
 

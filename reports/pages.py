@@ -206,8 +206,11 @@ def verdict_counts(panel: Panel) -> dict[str, int]:
     return reported | dict(counts)
 
 
-def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = ()) -> str:
-    """The overview: verdicts by use, what is wrong with whom, the matrix, what to take for what; the largest errors come first."""
+def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = (), *, stock: bool = False) -> str:
+    """The overview: verdicts by use, what is wrong with whom, the matrix, what to take for what; the largest errors come first.
+
+    ``stock`` says whether engines at their own settings have a page.
+    """
     rows, filled = panel.open_rows(), squares(panel)
     engines, cases = _matrix(panel, filled)
     worst = sorted(
@@ -215,6 +218,7 @@ def index_page(env: Environment, panel: Panel, uses: Sequence[Use] = ()) -> str:
     )
     return env.get_template("index.html").render(
         root="",
+        stock=stock,
         engines=panel.engines,
         columns=engines,
         n_programs=len({engine.program for engine in engines}),

@@ -71,7 +71,9 @@ def main() -> int:
         more += ["--jobs", options.jobs]
         if journals(Path(options.store)):
             more.append("--resume")
-        run = ninedisk("run", "--all-engines", *more, "--store", options.store, "--json", str(rows))
+        run = ninedisk(
+            "run", "--all-engines", "--profile", "both", *more, "--store", options.store, "--json", str(rows)
+        )
         if run == INTERRUPTED:
             if journals(Path(options.store)):
                 print("make report, run again, runs what is missing.", file=sys.stderr)

@@ -1,7 +1,7 @@
 """The scene, in 2D or 3D: bodies, walls and their motion, contact laws, gravity, forces, damping, a periodic cell.
 
-A `Scene` (2D) or `SphereScene` (3D, of spheres and boxes) says what is simulated; `ninedisk.core.numerics.Numerics` says how. Both are plain
-frozen data that serialise to JSON, which is also the wire format to external engines.
+A `Scene` (2D) or `SphereScene` (3D, of spheres and boxes) says what is simulated; `ninedisk.core.numerics.Numerics` says how. Both
+are plain frozen data that serialise to JSON, which is also the wire format to external engines.
 
 Bodies are numbered: disks or spheres ``0 .. n-1``, walls ``n .. n+m-1``. A pair is ``(i, j)`` with ``i < j``.
 

@@ -269,7 +269,7 @@ class Spheres(Bodies):
     @property
     def boxes(self) -> NDArray[np.bool_]:
         """Which bodies are boxes, shape (n,)."""
-        boxes: NDArray[np.bool_] = self.half_sizes.any(axis=1)
+        boxes: NDArray[np.bool_] = np.asarray(self.half_sizes.any(axis=1))
         return boxes
 
     def _checked_inertia(self, radius: FloatArray, mass: FloatArray) -> FloatArray:

@@ -186,6 +186,8 @@ class EngineInfo:
         step; ``""``: none. Cases allow for what so few leave of a load (`ninedisk.harness.cases.static.stack`), for no other engine.
     reference : bool
         Whether other engines of its scheme are held against this one's runs; it has to report all that a history has room for.
+    profile : {"tuned", "stock"}
+        Settings that the adapter chose to come near to the physics, or the engine's own.
     differences : mapping from Difference to str
         Known differences of the engine, each with its reason.
     options : mapping from str to Option
@@ -232,6 +234,7 @@ class EngineInfo:
     second_order_dashpots: bool = False
     sweeps: str = ""
     reference: bool = False
+    profile: str = "tuned"
     differences: Mapping[Difference, str] = field(default_factory=dict)
     options: Mapping[str, Option] = field(default_factory=dict)
     out_of_scope: Mapping[Capability, str] = field(default_factory=dict)

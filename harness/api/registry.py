@@ -114,6 +114,11 @@ BUILTIN_ENGINES: dict[str, str] = {
     "esys-particle": "ninedisk.harness.engines.esys_particle.adapter:ENGINE",
     "kratos": "ninedisk.harness.engines.kratos.adapter:ENGINE",
 }
+STOCK_ENGINES: dict[str, str] = {
+    f"{name}-stock": "ninedisk.harness.engines.stock:ENGINES"
+    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged")
+}
+"""Engines at their own settings; they run where they are asked for."""
 CASE_GROUP = "ninedisk.cases"
 ENGINE_GROUP = "ninedisk.engines"
 
@@ -199,6 +204,22 @@ def engine_table() -> Mapping[str, Registered]:
     ['dem', 'cd']
     """
     return _registered(ENGINE_GROUP)[0]
+
+
+@lru_cache(maxsize=1)
+def engine_table_with_stock() -> Mapping[str, Registered]:
+    """Return every known engine by its id, those at their own settings last, without loading any.
+
+    Returns
+    -------
+    mapping from str to Registered
+
+    Examples
+    --------
+    >>> sorted(set(engine_table_with_stock()) - set(engine_table()))[:2]
+    ['box2d-stock', 'bullet-stock']
+    """
+    return {**engine_table(), **{name: Registered(where, BUILTIN) for name, where in STOCK_ENGINES.items()}}
 
 
 def entry_problems() -> tuple[str, ...]:
@@ -318,7 +339,7 @@ def get_engine(engine_id: str) -> Engine:
     >>> get_engine("cd").info().contact
     'cd'
     """
-    found: Engine = _load(engine_id, engine_table(), "engine")
+    found: Engine = _load(engine_id, engine_table_with_stock(), "engine")
     return found
 
 
@@ -365,7 +386,7 @@ def check_engine_ids(ids: Iterable[str]) -> None:
     ninedisk.harness.api.registry.UnknownIdError: there is no engine 'yad'. Did you mean 'yade'...
     """
     for name in ids:
-        _check_id(name, engine_table(), "engine")
+        _check_id(name, engine_table_with_stock(), "engine")
 
 
 def _check_id(name: str, table: Mapping[str, Registered], kind: str) -> None:

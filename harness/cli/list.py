@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ninedisk.harness.api.registry import case_table, engine_table, entry_problems, get_case, get_engine
+from ninedisk.harness.api.registry import (
+    STOCK_ENGINES,
+    case_table,
+    engine_table,
+    engine_table_with_stock,
+    entry_problems,
+    get_case,
+    get_engine,
+)
 from ninedisk.harness.api.text import count_noun
 from ninedisk.harness.cli.support import Commands, Group, guarded
 from ninedisk.harness.results.schema import short_variant
@@ -170,6 +178,9 @@ def show_engines() -> None:
         out.print(line, markup=False, highlight=False)
     _show_problems()
     count = count_noun(len(engine_table()), "engine")
+    out.print(
+        f"{len(STOCK_ENGINES)} run at their own settings as well, named {next(iter(STOCK_ENGINES))} and so on: ninedisk run --profile both"
+    )
     out.print(f"{count}; what one can express and lacks, and its options: ninedisk list engines ENGINE")
 
 
@@ -193,7 +204,7 @@ def show_engine(engine_id: str) -> None:
     """One engine: facts, what it can express, what it lacks and where its documentation says so, its options."""
     from ninedisk.harness.api.engine import facts_of
 
-    _show_info(facts_of(get_engine(engine_id)), engine_table()[engine_id].origin, ["--engine", engine_id])
+    _show_info(facts_of(get_engine(engine_id)), engine_table_with_stock()[engine_id].origin, ["--engine", engine_id])
 
 
 def show_described(commands: Sequence[str]) -> None:

@@ -11,6 +11,7 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from datetime import UTC, datetime
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -82,6 +83,14 @@ def register(app: typer.Typer) -> None:
     app.command("run", short_help="Run cases on engines and judge the results.")(run)
 
 
+class Profile(StrEnum):
+    """Settings of the engines of a run."""
+
+    TUNED = "tuned"
+    STOCK = "stock"
+    BOTH = "both"
+
+
 @guarded
 def run(
     globs: Annotated[
@@ -96,6 +105,13 @@ def run(
     all_engines: Annotated[
         bool, typer.Option("--all-engines", help="All known engines (the default without --engine and --engine-cmd).")
     ] = False,
+    profile: Annotated[
+        Profile,
+        typer.Option(
+            "--profile",
+            help="Settings of the engines: tuned by their adapters, stock as a plain script has them, or both.",
+        ),
+    ] = Profile.TUNED,
     settings: Annotated[
         list[str] | None,
         typer.Option(
@@ -172,6 +188,7 @@ def run(
       ninedisk run incline-block -e pymunk --set 'dt=5 ms' --set mu=0.36 --json rows.json
       ninedisk run slip-to-roll -e siconos --option siconos.theta=1
       ninedisk run binary-collision --engine-cmd 'node my-engine.mjs' --engine dem
+      ninedisk run incline-block -e mujoco --profile both
       ninedisk run --jobs auto
       ninedisk run --dask tcp://head:8786
       ninedisk run -e acme --write-known-gaps known_gaps.toml
@@ -226,7 +243,7 @@ def run(
     new_here = not any(Path(cache_folder()).iterdir())  # scenes compile some already
     limit = None if memory_limit is None else read_size(memory_limit, "--memory-limit")
     gaps = GapFile() if known_gaps is None else read_gaps(known_gaps)
-    engines = engines_given(engine or [], engine_cmd or [], everything=all_engines)
+    engines = engines_given(engine or [], engine_cmd or [], everything=all_engines, profile=profile.value)
     named = {each if isinstance(each, str) else each.id for each in engines if not isinstance(each, str) or engine}
     cells = plan_matrix(
         match_cases(globs or []),

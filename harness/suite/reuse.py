@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ninedisk.harness.api.errors import StoreError
-from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table
+from ninedisk.harness.api.registry import BUILTIN, case_table, engine_table_with_stock
 from ninedisk.harness.results.reader import CellKey, cell_key, read_about, read_rows, run_ids
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
@@ -55,7 +55,7 @@ class StoredCells:
 
 
 def _is_own_engine(cell: Cell) -> bool:
-    known = (case_table().get(cell.case.id), engine_table().get(cell.engine_id))
+    known = (case_table().get(cell.case.id), engine_table_with_stock().get(cell.engine_id))
     return all(entry is not None and entry.origin == BUILTIN for entry in known)
 
 

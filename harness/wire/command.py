@@ -33,7 +33,7 @@ from ninedisk.harness.api.engine import (
     SupportLevel,
 )
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.api.registry import engine_table
+from ninedisk.harness.api.registry import STOCK_ENGINES, engine_table
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
     NOTE_SOFT,
@@ -285,7 +285,9 @@ def _option(name: str, given: Mapping[str, Any]) -> Option:
     return option
 
 
-def engines_given(ids: Sequence[str], commands: Sequence[str], *, everything: bool = False) -> list[str | Engine]:
+def engines_given(
+    ids: Sequence[str], commands: Sequence[str], *, everything: bool = False, profile: str = "tuned"
+) -> list[str | Engine]:
     """What ``--engine`` and ``--engine-cmd`` ask for: both; all known engines where neither says anything.
 
     Parameters
@@ -293,16 +295,19 @@ def engines_given(ids: Sequence[str], commands: Sequence[str], *, everything: bo
     ids, commands : sequence of str
     everything : bool
         All known engines beside the commands.
+    profile : {"tuned", "stock", "both"}
+        Settings of the known engines: those of their adapters, the engines' own, or both.
 
     Raises
     ------
     UsageError
-        If a command cannot be started, or two engines have one id.
+        If a command cannot be started, two engines have one id, or a named engine has no stock settings here.
     """
     known = list(engine_table())
-    found: list[str | Engine] = [*dict.fromkeys(ids)]
+    named = list(dict.fromkeys(ids))
+    found: list[str | Engine] = [*_of_profile(named, profile, named=True)]
     if everything or not (ids or commands):
-        found = [*known]
+        found = [*_of_profile(known, profile, named=False)]
     if not commands:
         return found
 
@@ -316,3 +321,16 @@ def engines_given(ids: Sequence[str], commands: Sequence[str], *, everything: bo
             )
         found.append(engine)
     return found
+
+
+def _of_profile(ids: Sequence[str], profile: str, *, named: bool) -> list[str]:
+    """Ids of engines under a profile; where an engine has no stock settings, that is refused if it was ``named``."""
+    if profile == "tuned":
+        return [*ids]
+    stock = {name: stock_id for name in ids if (stock_id := f"{name}-stock") in STOCK_ENGINES}
+    lacking = [name for name in ids if name not in stock and name not in STOCK_ENGINES]
+    if named and lacking and profile == "stock":
+        has = ", ".join(sorted(name.removesuffix("-stock") for name in STOCK_ENGINES))
+        raise UsageError(f"{lacking[0]} has no stock settings here; engines that have: {has}")
+    own = [name for name in ids if name in STOCK_ENGINES]
+    return list(dict.fromkeys([*(ids if profile == "both" else own), *stock.values()]))

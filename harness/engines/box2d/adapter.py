@@ -6,7 +6,7 @@ One step detects contacts at its begin, solves for velocities and then moves pos
 
 from __future__ import annotations
 
-from ninedisk.core.options import Option
+from ninedisk.core.options import PROFILE, Option
 from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
@@ -16,8 +16,10 @@ RIGID_BODIES = "https://box2d.org/documentation/"
 """States that bodies are rigid and that contacts prevent penetration by impulses."""
 
 OPTIONS = {
+    "profile": PROFILE,
     "velocity_iterations": Option(
         default=100,
+        stock=6,
         low=1,
         high=1e9,
         whole=True,
@@ -25,6 +27,7 @@ OPTIONS = {
     ),
     "position_iterations": Option(
         default=10,
+        stock=2,
         high=1e9,
         whole=True,
         why="each takes out a fifth of an overlap beyond the slop, without momentum: ten leave a tenth of an impact's",

@@ -11,7 +11,8 @@
 - Walls are raised, and circles larger, by half of ``touch`` each, some units of single precision's round-off: bodies which
   touch are then in contact whatever the rounding of their coordinates. ``touch`` is far below the slop, so that nothing
   pushes them apart.
-- No sleeping, and no continuous collision detection: it would end the step of a fast body at the time of impact.
+- No sleeping, which is a flag of each body, and no continuous collision detection: it would end the step of a fast body at
+  the time of impact.
 - Before each step a moving wall gets its exact pose and the velocity that takes it to the next.
 """
 
@@ -91,13 +92,14 @@ class Box2DSession(WorldSession):
         super().__init__(scene, numerics, pairs)
         options = read_options("box2d", OPTIONS, numerics)
         self.reach = wall_reach(scene, numerics, "Box2D")
-        self.units = units = units_of(scene, numerics)
+        stock = options["box2d.profile"] == "stock"
+        self.units = units = Units(1.0, 1.0, 1.0) if stock else units_of(scene, numerics)
         extent = (largest_extent(scene) + longest_path(scene, numerics)) / units.length
-        self.touch = _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
+        self.touch = 0.0 if stock else _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
         self.iterations = options["box2d.velocity_iterations"], options["box2d.position_iterations"]
         gravity = np.array(scene.gravity) / units.velocity * units.time
         self.world = Box2D.b2World(gravity=_pair(gravity), doSleep=False)
-        self.world.continuousPhysics = False
+        self.world.continuousPhysics = stock
         self.world.warmStarting = True
         self.settings: dict[str, Any] = {
             **options,
@@ -110,7 +112,7 @@ class Box2DSession(WorldSession):
             "box2d.baumgarte": Box2D.b2_baumgarte,
             "box2d.touch": self.touch * units.length,
             "box2d.allow_sleep": False,
-            "box2d.continuous_physics": False,
+            "box2d.continuous_physics": stock,
             "box2d.warm_starting": True,
             "box2d.pair_coefficients": "the scene's own, set on each contact",
             "wall_half_length": self.reach,
@@ -178,7 +180,10 @@ class Box2DSession(WorldSession):
         if self.fixed[i]:
             body = self.world.CreateStaticBody(position=place, userData=i)
         else:
-            body = self.world.CreateDynamicBody(position=place, fixedRotation=not disks.rotating[i], userData=i)
+            # The world's flag alone does not keep bodies awake; one that sleeps reports no force.
+            body = self.world.CreateDynamicBody(
+                position=place, fixedRotation=not disks.rotating[i], userData=i, allowSleep=False
+            )
         body.CreateFixture(
             shape=Box2D.b2CircleShape(radius=float(disks.radius[i]) / units.length + 0.5 * self.touch), density=0.0
         )
@@ -200,7 +205,7 @@ class Box2DSession(WorldSession):
             angle=_tilt(np.array(wall.normal)),
             userData=len(self.scene.disks) + k,
         )
-        face = 0.5 * self.touch - Box2D.b2_polygonRadius
+        face = 0.5 * self.touch - Box2D.b2_polygonRadius if self.touch else 0.0
         corners = [(-reach, -reach), (reach, -reach), (reach, face), (-reach, face)]
         body.CreateFixture(shape=Box2D.b2PolygonShape(vertices=corners), density=0.0)
         return body

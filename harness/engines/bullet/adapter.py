@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option
+from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
@@ -27,8 +27,10 @@ CAPABILITIES = OF_RIGID | {
 CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
 
 OPTIONS = {
+    "profile": PROFILE,
     "iterations": Option(
         default=200,
+        stock=50,
         low=1,
         high=1e9,
         whole=True,
@@ -36,6 +38,7 @@ OPTIONS = {
     ),
     "contact_erp": Option(
         default=0.0,
+        stock=0.2,
         high=1.0,
         why="fraction of an overlap that a step takes out as velocity; what it adds to the disks' momentum is no part of "
         "any impact law (Bullet's own value makes e = 1 an e of 1.06 where the impact falls within a step)",

@@ -52,10 +52,11 @@ class BulletSession(WorldSession):
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         super().__init__(scene, numerics, pairs)
         options = read_options("bullet", OPTIONS, numerics)
-        touch = touch_length(scene, numerics, "Bullet")
+        stock = options["bullet.profile"] == "stock"
+        touch = 0.0 if stock else touch_length(scene, numerics, "Bullet")
         bodies = scene.bodies
         radii = bodies.radius
-        self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) else 1.0
+        self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) and not stock else 1.0
         self.inflate = 0.5 * touch if len(bodies) > 1 else 0.0
         parameters = {
             "numSolverIterations": options["bullet.iterations"],
@@ -67,12 +68,15 @@ class BulletSession(WorldSession):
             "enableConeFriction": int(options["bullet.friction"] == "cone"),
             "deterministicOverlappingPairs": 1,
         }
+        self.undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "maxJointVelocity": _UNLIMITED}
+        if stock:  # what a script leaves alone
+            parameters, self.undamped = {"deterministicOverlappingPairs": 1}, {}
         self.settings: dict[str, Any] = {
             **options,
             **{f"bullet.{name}": value for name, value in parameters.items()},
             "bullet.lengths_per_metre": self.unit,
-            "bullet.linearDamping": 0.0,
-            "bullet.angularDamping": 0.0,
+            "bullet.linearDamping": 0.04 if stock else 0.0,
+            "bullet.angularDamping": 0.04 if stock else 0.0,
             "bullet.useMaximalCoordinates": False,
             "bullet.friction_of_a_pair": "product",
             "bullet.restitution_of_a_pair": "product",
@@ -175,9 +179,7 @@ class BulletSession(WorldSession):
             restitution=restitution,
             rollingFriction=0.0,
             spinningFriction=0.0,
-            linearDamping=0.0,
-            angularDamping=0.0,
-            maxJointVelocity=_UNLIMITED,
+            **self.undamped,
         )
         self.world.resetBaseVelocity(body, three_components(self.unit * disks.v[i]), three_components(disks.omega[i]))
         return body
@@ -193,7 +195,6 @@ class BulletSession(WorldSession):
             -1,
             lateralFriction=friction,
             restitution=restitution,
-            maxJointVelocity=_UNLIMITED,
             **self._resistances(k),
         )
         return body

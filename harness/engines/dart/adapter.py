@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option
+from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
@@ -33,14 +33,17 @@ FORCE_MIXING = 1e-5
 """DART's own; its Python package does not let one change it."""
 
 OPTIONS = {
+    "profile": PROFILE,
     "solver": Option(
         default="nsgs",
+        stock="dantzig",
         choices=("nsgs", "dantzig"),
         why="Gauss-Seidel with Coulomb's cone, swept until it has converged; DART's default, dantzig, is 1.3 % off the weight "
         "of a stack of three disks in its first two steps, and the same where there is one contact",
     ),
     "collision_detector": Option(
         default="dart",
+        stock="fcl",
         choices=("dart", "fcl", "ode", "bullet"),
         why="DART's own has closed forms for spheres and planes",
     ),

@@ -53,11 +53,12 @@ class DartSession(WorldSession):
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         super().__init__(scene, numerics, pairs)
         options = read_options("dart", OPTIONS, numerics)
-        self.touch = touch_length(scene, numerics, "DART")
+        stock = options["dart.profile"] == "stock"
+        self.touch = 0.0 if stock else touch_length(scene, numerics, "DART")
         sweeps = options["dart.solver"] == "nsgs"
         self.settings: dict[str, Any] = {
             **options,
-            "dart.split_impulse": True,
+            "dart.split_impulse": not stock,
             "dart.deactivation": False,
             "dart.constraint_force_mixing": FORCE_MIXING,
             "dart.touch": self.touch,
@@ -75,7 +76,7 @@ class DartSession(WorldSession):
         solver.setCollisionDetector(DETECTORS[options["dart.collision_detector"]]())
         if sweeps:  # dantzig is DART's default, and Python cannot construct another one
             solver.setBoxedLcpSolver(_gauss_seidel())
-        solver.setSplitImpulseEnabled(True)
+        solver.setSplitImpulseEnabled(not stock)
         alone = len(scene.bodies) < 2
         bounce = product_factors(
             None if alone else scene.law_of_bodies.restitution or 0.0,

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option
+from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
@@ -67,23 +67,30 @@ OPTIONS = {
 
 DISCRETE_OPTIONS: Mapping[str, Mapping[str, Option]] = {
     "drake-sap": {
+        "profile": PROFILE,
         "relaxation_time": Option(default=0.1, high=1e6, why="dissipation of a contact [s]; Drake's own value"),
         "near_rigid_threshold": Option(
             default=0.0,
+            stock=1.0,
             high=1e6,
             why="the scene's stiffness; Drake's own value, 1, makes contacts softer than that where they respond within a "
             "step, here by a factor of 300",
         ),
     },
     "drake-lagged": {
+        "profile": PROFILE,
         "stiction_tolerance": Option(
             default=1e-6,
+            stock=1e-4,
             low=1e-12,
             high=1.0,
-            why="slip velocity [m/s] of full friction; Drake's own, 1e-3, makes creep",
+            why="slip velocity [m/s] of full friction; Drake's own, 1e-4, makes creep",
         ),
         "dissipation": Option(
-            default=1e4, high=1e12, why="Hunt and Crossley's, in s/m: a plastic impact parts with 1/d, a ten-thousandth"
+            default=1e4,
+            stock=50.0,
+            high=1e12,
+            why="Hunt and Crossley's, in s/m: a plastic impact parts with 1/d, a ten-thousandth",
         ),
     },
 }

@@ -105,13 +105,14 @@ class SapSession:
         self.scene, self.dt, self.done = scene, numerics.dt, 0
         between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         friction = shares_in_series(between, [0.5 * wall.law.mu for wall in scene.walls])
-        touch = touch_length(scene, numerics, "Drake")
+        stock = options[f"{engine}.profile"] == "stock"
+        touch = 0.0 if stock else touch_length(scene, numerics, "Drake")
         self.poses, self.angle = poses_of(scene), np.zeros_like(scene.bodies.omega)
         self.world = DrakeWorld(
             scene,
             time_step=self.dt,
             surfaces=Surfaces(
-                stiffness=stiffness_shares(scene),
+                stiffness=None if stock else stiffness_shares(scene),
                 friction=friction,
                 dissipation=options.get(f"{engine}.dissipation", 0.0),
                 relaxation_time=options.get(f"{engine}.relaxation_time"),
@@ -124,7 +125,9 @@ class SapSession:
         self.world.simulator.Initialize()
         self.settings: dict[str, Any] = {
             **options,
-            f"{engine}.contact_model": "point, stiffness in series",
+            f"{engine}.contact_model": "point, stiffness and dissipation Drake's own"
+            if stock
+            else "point, stiffness in series",
             f"{engine}.touch": touch,
             f"{engine}.friction_of_a_pair": "harmonic mean",
         }

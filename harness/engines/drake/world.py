@@ -56,28 +56,36 @@ APPROXIMATIONS = {"sap": DiscreteContactApproximation.kSap, "lagged": DiscreteCo
 class Surfaces(NamedTuple):
     """What contacts are made of, by geometry: the disks', then each wall's.
 
-    ``stiffness`` [N/m] and ``friction`` [-] are the shares of `shares_in_series`; ``dissipation`` [s/m] is Hunt and
-    Crossley's, ``relaxation_time`` [s] that of SAP (None: not used).
+    ``stiffness`` [N/m] and ``friction`` [-] are the shares of `shares_in_series`; without stiffness, contacts have Drake's own, with its
+    own dissipation. ``dissipation`` [s/m] is Hunt and Crossley's, ``relaxation_time`` [s] that of SAP (None: not used).
     """
 
-    stiffness: tuple[float, list[float]]
+    stiffness: tuple[float, list[float]] | None
     friction: tuple[float, list[float]]
     dissipation: float = 0.0
     relaxation_time: float | None = None
 
     def properties(self, wall: int | None) -> Any:
         """Drake's properties of a disk (None) or of a wall."""
-        stiffness, mu = (shares[0] if wall is None else shares[1][wall] for shares in (self.stiffness, self.friction))
-        properties = ProximityProperties()
+        mu, properties = _share(self.friction, wall), ProximityProperties()
+        friction = CoulombFriction(mu, mu)
+        if self.stiffness is None:
+            AddContactMaterial(friction=friction, properties=properties)
+            return properties
         AddContactMaterial(
             dissipation=self.dissipation,
-            point_stiffness=stiffness,
-            friction=CoulombFriction(mu, mu),
+            point_stiffness=_share(self.stiffness, wall),
+            friction=friction,
             properties=properties,
         )
         if self.relaxation_time is not None:
             properties.AddProperty("material", "relaxation_time", self.relaxation_time)
         return properties
+
+
+def _share(shares: tuple[float, list[float]], wall: int | None) -> float:
+    """That of the disks (None) or of a wall."""
+    return shares[0] if wall is None else shares[1][wall]
 
 
 class DrakeWorld:
@@ -185,7 +193,9 @@ class DrakeWorld:
 
     def _wall(self, k: int, surfaces: Surfaces, driven: bool) -> Any:
         wall, plant = self.scene.walls[k], self.plant
-        inertia = SpatialInertia(IMMOVABLE, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))
+        # Drake's own stiffness counts the heaviest body, be it welded to the world or not.
+        mass = IMMOVABLE if surfaces.stiffness is not None else float(self.scene.bodies.mass.min(initial=1.0))
+        inertia = SpatialInertia(mass, np.zeros(3), UnitInertia(1.0, 1.0, 1.0))
         body = plant.AddRigidBody(f"wall {k}", self.prescribed, inertia)
         self.number[int(body.index())] = len(self.scene.bodies) + k
         pose = HalfSpace.MakePose(three_components(wall.normal), np.zeros(3))

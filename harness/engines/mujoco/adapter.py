@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option
+from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
@@ -50,8 +50,10 @@ OWN_SOFTNESS = "https://mujoco.readthedocs.io/en/stable/computation/index.html"
 """States that contacts are soft by a stiffness and damping per unit mass, a property of the constraint solver."""
 
 OPTIONS = {
+    "profile": PROFILE,
     "substeps": Option(
         default=200,
+        stock=1,
         low=1,
         high=1e6,
         whole=True,
@@ -84,10 +86,13 @@ OPTIONS = {
     ),
     "cone": Option(
         default="elliptic",
+        stock="pyramidal",
         choices=("elliptic", "pyramidal"),
         why="the same friction in all directions; MuJoCo's own value, pyramidal, has edges and no slip_damping",
     ),
-    "tolerance": Option(default=1e-14, high=1.0, why="relative improvement below which the solver ends: round-off"),
+    "tolerance": Option(
+        default=1e-14, stock=1e-8, high=1.0, why="relative improvement below which the solver ends: round-off"
+    ),
     "iterations": Option(default=100, low=1, high=1e6, whole=True, why="Newton's method takes two or three"),
 }
 

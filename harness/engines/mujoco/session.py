@@ -95,6 +95,7 @@ class MuJoCoSession:
         self.omega = math.pi / (self.options["mujoco.contact_time"] * self.dt)
         impedance = self.options["mujoco.impedance"]
         self.slip_damping = impedance * self.options["mujoco.slip_damping"] / self.h
+        self.stock = self.options["mujoco.profile"] == "stock"
         pyramid = self.options["mujoco.cone"] == "pyramidal"
         # MuJoCo's ratio of the impedances of friction and of the normal is that of the edges' here, which are both.
         impratio = 1.0 if pyramid else (1.0 - impedance) / impedance / self.options["mujoco.slip_compliance"]
@@ -110,6 +111,15 @@ class MuJoCoSession:
             "mujoco.margin": 0.0,
             "mujoco.pair_friction": "the scene's own, explicit contact pairs",
         }
+        if self.stock:
+            impratio = 1.0
+            self.settings = {
+                "mujoco.profile": "stock",
+                "mujoco.timestep": self.h,
+                **{f"mujoco.{name}": self.options[f"mujoco.{name}"] for name in ("cone", "tolerance", "iterations")},
+                "mujoco.solref, solimp, margin, gap, impratio, integrator, solver": "MuJoCo's own",
+                "mujoco.pair_friction": "the scene's own, explicit contact pairs",
+            }
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
         self.impulses: dict[Pair, list[float]] = {}
@@ -297,8 +307,10 @@ class MuJoCoSession:
             model = spec.compile()
         except ValueError as error:
             raise EngineError(f"MuJoCo refused the scene: {error}") from error
-        # Scale of the solver's tolerance; MuJoCo's own would count the inertias of blocked rotations.
-        model.stat.meaninertia = float(self.scene.bodies.mass.mean()) if n else 1.0
+        if (
+            not self.stock
+        ):  # scale of the solver's tolerance; MuJoCo's own would count the inertias of blocked rotations
+            model.stat.meaninertia = float(self.scene.bodies.mass.mean()) if n else 1.0
         return model
 
     def immovable_bodies(self) -> list[bool]:
@@ -369,6 +381,9 @@ class MuJoCoSession:
     def _add_pair(self, spec: Any, pair: Pair) -> None:
         law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
         condim, friction = self.friction(law, pair)
+        if self.stock:
+            spec.add_pair(geomname1=_name(pair[0]), geomname2=_name(pair[1]), condim=condim, friction=friction)
+            return
         spec.add_pair(
             geomname1=_name(pair[0]),
             geomname2=_name(pair[1]),

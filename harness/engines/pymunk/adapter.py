@@ -12,7 +12,7 @@ from functools import partial
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.options import Option, read_options
+from ninedisk.core.options import PROFILE, Option, read_options
 from ninedisk.core.scene import Scene
 from ninedisk.harness.api.capabilities import OF_RIGID, Capability
 from ninedisk.harness.api.engine import (
@@ -29,8 +29,10 @@ from ninedisk.harness.engines.process import package_version
 CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}
 
 OPTIONS = {
+    "profile": PROFILE,
     "iterations": Option(
         default=100,
+        stock=10,
         low=1,
         high=1e9,
         whole=True,
@@ -38,6 +40,7 @@ OPTIONS = {
     ),
     "collision_bias": Option(
         default=0.0,
+        stock=0.9**60,
         high=1.0,
         why="part of an overlap that is left after a second; 0 takes out in one step, by a pseudo-velocity that leaves no "
         "momentum behind, the overlap that an impact within a step causes",

@@ -40,18 +40,21 @@ class PymunkSession(WorldSession):
     ) -> None:
         super().__init__(scene, numerics, pairs)
         self.reach = wall_reach(scene, numerics, "pymunk")
-        self.touch = touch_length(scene, numerics, "pymunk")
+        stock = options["pymunk.profile"] == "stock"
+        self.touch = 0.0 if stock else touch_length(scene, numerics, "pymunk")
         self.space = pymunk.Space()
         self.space.gravity = scene.gravity
         self.space.iterations = options["pymunk.iterations"]
         self.space.collision_bias = options["pymunk.collision_bias"]
-        self.space.collision_slop = self.touch
+        if not stock:
+            self.space.collision_slop = self.touch
         # Chipmunk keeps the impulses of a contact that opened, and adds those of the next touch to them: reported forces, and the
         # cone that bounds friction, would grow with every hop. A contact that opens is forgotten after that very step.
-        self.space.collision_persistence = 1
+        if not stock:
+            self.space.collision_persistence = 1
         self.settings: dict[str, Any] = {
             **options,
-            "pymunk.collision_slop": self.touch,
+            "pymunk.collision_slop": self.space.collision_slop,
             "pymunk.collision_persistence": self.space.collision_persistence,
             "pymunk.damping": self.space.damping,
             "wall_half_length": self.reach,
