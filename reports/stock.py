@@ -8,15 +8,12 @@ from typing import Any
 
 from jinja2 import Environment
 
-from ninedisk.harness.api.registry import STOCK_ENGINES
-from ninedisk.harness.results.schema import Row
+from ninedisk.harness.results.schema import STOCK, Row
 from ninedisk.reports.panel.headlines import worst_headline
 from ninedisk.reports.panel.load import Stored
 from ninedisk.reports.panel.model import CaseData, EngineFacts, Panel, build_panel
 from ninedisk.reports.panel.text import as_float, decade, decoded
 from ninedisk.reports.panel.uses import Use, uses
-
-SUFFIX = "-stock"
 
 
 def by_profile(stored: Stored) -> tuple[Stored, Stored]:
@@ -27,10 +24,10 @@ def by_profile(stored: Stored) -> tuple[Stored, Stored]:
 
     def only(stock: bool) -> Stored:
         rows = {
-            name: part(((row["engine"] in STOCK_ENGINES) is stock for row in getattr(stored, name)), name)
+            name: part((row["engine"].endswith(STOCK) is stock for row in getattr(stored, name)), name)
             for name in ("cells", "measurements", "headlines", "claims")
         }
-        series = {key: curve for key, curve in stored.series.items() if (key[2] in STOCK_ENGINES) is stock}
+        series = {key: curve for key, curve in stored.series.items() if key[2].endswith(STOCK) is stock}
         return replace(stored, series=series, **rows)
 
     return only(False), only(True)
@@ -62,7 +59,7 @@ def _shared(rows: Iterable[Row], others: Iterable[Row]) -> Both:
 def stock_page(env: Environment, tuned: Panel, stored: Stored) -> str:
     """Write the page; ``stored`` are the rows of engines at their own settings."""
     panel = build_panel(stored)
-    beside = {name: name.removesuffix(SUFFIX) for name in panel.engines}
+    beside = {name: name.removesuffix(STOCK) for name in panel.engines}
     stock_rows, tuned_rows = _by_engine(panel), _by_engine(tuned)
     found = {use.id: use for use in uses(panel)}
     of_use = [

@@ -206,7 +206,6 @@ def engine_table() -> Mapping[str, Registered]:
     return _registered(ENGINE_GROUP)[0]
 
 
-@lru_cache(maxsize=1)
 def engine_table_with_stock() -> Mapping[str, Registered]:
     """Return every known engine by its id, those at their own settings last, without loading any.
 

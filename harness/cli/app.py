@@ -26,6 +26,7 @@ from ninedisk.harness.cli import (
     site,
     solve,
     store,
+    versions,
 )
 from ninedisk.harness.cli import list as listing
 from ninedisk.harness.cli.pipe import guard_output
@@ -40,7 +41,7 @@ FIRST = (
 MORE = {
     "stored runs": ("show", "runs", "merge", "export", "prune"),
     "pages": ("dashboard", "site", "docs"),
-    "engines": ("request", "schema", "determinism"),
+    "engines": ("request", "schema", "determinism", "versions"),
     "contact problems": ("solve", "cd-problems"),
     "this suite": ("selftest",),
 }
@@ -111,6 +112,7 @@ for command in (
     selftest,
     site,
     store,
+    versions,
 ):
     command.register(app)
 

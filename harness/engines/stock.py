@@ -20,11 +20,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import get_engine
+from ninedisk.harness.results.schema import STOCK
 
-SUFFIX = "-stock"
-"""What the id of a stock engine adds to that of its adapter."""
-
-MOST_STEPS = 1_000_000
+MOST_STEPS = 100_000
 """Own steps of a run: minutes of the slowest engine. More of them mean a scene in units far from metres and seconds."""
 
 
@@ -52,7 +50,7 @@ class StockEngine:
     @property
     def id(self) -> str:
         """Id of the engine and the profile."""
-        return f"{self.of}{SUFFIX}"
+        return f"{self.of}{STOCK}"
 
     @cached_property
     def tuned(self) -> Engine:

@@ -230,6 +230,9 @@ HEADLINE_COLUMNS: dict[str, str] = {
 }
 """One row per headline of a cell that ran: how far the engine is from the continuous problem, whatever its scheme."""
 
+STOCK = "-stock"
+"""How the id of an engine at its own settings ends, beside that of the tuned one."""
+
 USES = {
     "impacts": "impacts",
     "sliding": "sliding",

@@ -55,6 +55,7 @@ class PymunkEngine:
     """Adapter of pymunk; `ninedisk.harness.engines.pymunk.session` says how a scene is realised."""
 
     id = "pymunk"
+    distribution = "pymunk"
 
     def info(self) -> EngineInfo:
         """Facts about the installed pymunk; does not import it."""
