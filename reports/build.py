@@ -59,7 +59,7 @@ from ninedisk.reports.panel.load import Stored, load_store
 from ninedisk.reports.panel.model import CaseData, Panel, build_panel, case_tables, difference_matrix, folded_rows
 from ninedisk.reports.panel.text import decoded
 from ninedisk.reports.panel.uses import uses
-from ninedisk.reports.stock import by_profile, stock_page
+from ninedisk.reports.stock import Profiles, by_profile
 from ninedisk.reports.studies import comparison_page
 
 Progress = Callable[[str, int, int], None]
@@ -141,6 +141,7 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     tuned, stock = by_profile(stored)
     stored = tuned if tuned.cells else stored
     panel = build_panel(stored)
+    profiles = Profiles(panel, stock) if stock.cells else None
     env = pages.environment()
     for name in ("case", "engine", "figures", "data", "assets"):
         (folder / name).mkdir()
@@ -164,7 +165,8 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     for done, engine in enumerate(engines, start=len(cases)):
         progress("writing pages", done, total)
         speed = engine_speed(panel, engine.id)
-        page = pages.engine_page(env, panel, engine, found[0], on_page(speed) if speed else None)
+        own = profiles.of_tuned(engine.id) if profiles else None
+        page = pages.engine_page(env, panel, engine, found[0], on_page(speed) if speed else None, own)
         (folder / "engine" / f"{engine.slug}.html").write_text(page, encoding="utf-8")
     (folder / "errata.html").write_text(pages.errata_page(env, panel), encoding="utf-8")
     if stored.findings:
@@ -174,9 +176,9 @@ def write_site(stored: Stored, folder: Path, progress: Progress) -> None:
     if stored.changes:
         (folder / "changes.html").write_text(comparison_page(stored.changes), encoding="utf-8")
     (folder / "statuses.html").write_text(pages.statuses_page(env), encoding="utf-8")
-    if stock.cells:
-        (folder / "stock.html").write_text(stock_page(env, panel, stock), encoding="utf-8")
-    (folder / "index.html").write_text(pages.index_page(env, panel, found, stock=bool(stock.cells)), encoding="utf-8")
+    if profiles:
+        (folder / "stock.html").write_text(profiles.page(env), encoding="utf-8")
+    (folder / "index.html").write_text(pages.index_page(env, panel, found, stock=bool(profiles)), encoding="utf-8")
     progress("writing pages", total, total)
 
 

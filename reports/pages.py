@@ -53,6 +53,7 @@ from ninedisk.reports.panel.model import (
 )
 from ninedisk.reports.panel.text import as_float, number, pair_shade, parameters, shade, symbol
 from ninedisk.reports.panel.uses import Use
+from ninedisk.reports.stock import Both
 
 HERE = Path(__file__).parent
 
@@ -345,10 +346,13 @@ def case_page(env: Environment, panel: Panel, case: CaseData, drawn: dict[str, A
     )
 
 
-def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Use, speed: Chart | None) -> str:
+def engine_page(
+    env: Environment, panel: Panel, engine: EngineFacts, overall: Use, speed: Chart | None, stock: Both | None = None
+) -> str:
     """An engine: how wrong and how fast it is, what it does well, what otherwise, what was never asked of it.
 
-    ``overall`` is the use that has all headlines, ``speed`` the engine's chart of accuracy against speed.
+    ``overall`` is the use that has all headlines, ``speed`` the engine's chart of accuracy against speed, ``stock`` its
+    worst headlines at its own settings and tuned.
     """
     mine = [row for row in panel.measurements if row["engine"] == engine.id]
     rated = _by(mine, "case", "variant")
@@ -374,6 +378,7 @@ def engine_page(env: Environment, panel: Panel, engine: EngineFacts, overall: Us
         lines=lines,
         cell_groups=groups,
         speed=speed,
+        stock=stock,
         overall=overall,
         rank=next((rank for rank in (*overall.ranks, *overall.little) if rank.engine == engine), None),
         declared=bool(findings) and not (ranked and ranked[-1].error > findings[0].size),

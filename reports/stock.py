@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from jinja2 import Environment
@@ -46,70 +47,63 @@ class Both:
         return int(decade(as_float(self.stock["rel_error"]))[1:]) if self.stock else 0
 
 
-def _shared(rows: Iterable[Row], others: Iterable[Row]) -> Both:
-    """The worst rows of the places that both profiles have a number on."""
-    held, beside = list(rows), list(others)
-    known = {(row["case"], row["variant"], row["headline"]) for row in beside}
-    return Both(
-        worst_headline(held),
-        worst_headline(row for row in beside if not held or (row["case"], row["variant"], row["headline"]) in known),
-    )
+class Profiles:
+    """Headlines of engines at their own settings beside those of the tuned ones.
+
+    Parameters
+    ----------
+    tuned : Panel
+    stored : Stored
+        Rows of engines at their own settings alone.
+    """
+
+    def __init__(self, tuned: Panel, stored: Stored) -> None:
+        self.tuned, self.panel = tuned, build_panel(stored)
+        self._rows: dict[str, list[Row]] = {}
+        for row in (*self.panel.stored.headlines, *tuned.stored.headlines):
+            self._rows.setdefault(row["engine"], []).append(row)
+
+    def both(self, engine: str, wanted: Callable[[Row], bool] = lambda _: True) -> Both:
+        """The worst wanted headlines of a stock engine, and of the tuned one on the variants that both ran."""
+        own = [row for row in self._rows.get(engine, []) if wanted(row)]
+        places = {(row["case"], row["variant"], row["headline"]) for row in own}
+        others = [row for row in self._rows.get(engine.removesuffix(STOCK), []) if wanted(row)]
+        shared = [row for row in others if (row["case"], row["variant"], row["headline"]) in places]
+        return Both(worst_headline(own), worst_headline(shared if own else others))
+
+    def of_tuned(self, engine: str) -> Both | None:
+        """All headlines of an engine at its own settings, by the id of the tuned one; None where it has none."""
+        found = self.both(f"{engine}{STOCK}")
+        return found if found.stock else None
+
+    def page(self, env: Environment) -> str:
+        """The page that has all of them."""
+        columns = list(self.panel.engines.values())
+        of_use = [(use, [self.both(each.id, partial(_serves, use)) for each in columns]) for use in uses(self.panel)]
+        of_case = [
+            (case, [self.both(each.id, partial(_belongs, case)) for each in columns])
+            for case in self.panel.cases.values()
+        ]
+        return env.get_template("stock.html").render(
+            root="",
+            columns=columns,
+            uses=[(use, line) for use, line in of_use if use.id != "space" and any(each.stock for each in line)],
+            cases=sorted((item for item in of_case if any(each.stock for each in item[1])), key=_farthest_first),
+            pages=self.tuned.cases,
+            settings=[(engine, _settings(self.panel, engine)) for engine in columns],
+        )
 
 
-def stock_page(env: Environment, tuned: Panel, stored: Stored) -> str:
-    """Write the page; ``stored`` are the rows of engines at their own settings."""
-    panel = build_panel(stored)
-    beside = {name: name.removesuffix(STOCK) for name in panel.engines}
-    stock_rows, tuned_rows = _by_engine(panel), _by_engine(tuned)
-    found = {use.id: use for use in uses(panel)}
-    of_use = [
-        (use, [_of_use(use, engine, stock_rows, tuned_rows, beside) for engine in panel.engines])
-        for use in found.values()
-    ]
-    of_case = [
-        (case, [_of_case(case, engine, stock_rows, tuned_rows, beside) for engine in panel.engines])
-        for case in panel.cases.values()
-    ]
-    ran = [(case, line) for case, line in of_case if any(each.stock for each in line)]
-    return env.get_template("stock.html").render(
-        root="",
-        columns=list(panel.engines.values()),
-        tuned=tuned.engines,
-        beside=beside,
-        uses=[(use, line) for use, line in of_use if any(each.stock for each in line)],
-        cases=sorted(ran, key=lambda item: -max(as_float(each.stock["rel_error"]) for each in item[1] if each.stock)),
-        pages=tuned.cases,
-        settings=[(engine, _settings(panel, engine)) for engine in panel.engines.values()],
-    )
-
-
-def _by_engine(panel: Panel) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = {}
-    for row in panel.stored.headlines:
-        found.setdefault(row["engine"], []).append(row)
-    return found
-
-
-def _in_use(use: Use, row: Row) -> bool:
+def _serves(use: Use, row: Row) -> bool:
     return use.id in ("all", row["use"])
 
 
-def _of_use(
-    use: Use, engine: str, stock: Mapping[str, list[Row]], tuned: Mapping[str, list[Row]], beside: Mapping[str, str]
-) -> Both:
-    own = [row for row in stock.get(engine, []) if _in_use(use, row)]
-    return _shared(own, [row for row in tuned.get(beside[engine], []) if _in_use(use, row)])
+def _belongs(case: CaseData, row: Row) -> bool:
+    return bool(row["case"] == case.id)
 
 
-def _of_case(
-    case: CaseData,
-    engine: str,
-    stock: Mapping[str, list[Row]],
-    tuned: Mapping[str, list[Row]],
-    beside: Mapping[str, str],
-) -> Both:
-    own = [row for row in stock.get(engine, []) if row["case"] == case.id]
-    return _shared(own, [row for row in tuned.get(beside[engine], []) if row["case"] == case.id])
+def _farthest_first(item: tuple[CaseData, list[Both]]) -> float:
+    return -max(as_float(each.stock["rel_error"]) for each in item[1] if each.stock)
 
 
 def _settings(panel: Panel, engine: EngineFacts) -> dict[str, str]:
