@@ -68,7 +68,7 @@ class DartEngine(RigidPackageEngine):
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
-    capabilities_3d = OF_RIGID_SPHERES
+    capabilities_3d = OF_RIGID_SPHERES | {Capability.BOXES}
     distribution = "dartpy"
     facts = FACTS
 

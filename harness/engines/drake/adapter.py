@@ -17,6 +17,7 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
@@ -143,7 +144,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
     """
 
-    capabilities_3d = RIGID - {Capability.DISK_INERTIA}
+    capabilities_3d = (RIGID - {Capability.DISK_INERTIA}) | {Capability.BOXES}
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
     distribution = "drake"
@@ -179,6 +180,10 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         found = stiffness_refusals(scene) + prescribed_spins(scene, "Drake")
         if scene.dimension == 3 and len(scene.bodies) > MOST_SPHERES:
             found.append(f"Drake ends with a segmentation fault where more than {MOST_SPHERES} spheres rest on a plane")
+        if has_boxes(scene) and len(scene.bodies) > 1:
+            found.append(
+                "Drake's point contact has one point between a box and another body: here boxes are alone, on walls that meet their corners"
+            )
         if between is not None and any(0.5 * wall.law.mu >= 2.0 * between > 0.0 for wall in scene.walls):
             found.append(
                 "Drake gives a pair the harmonic mean of its bodies' friction: that of a wall must be below twice the "

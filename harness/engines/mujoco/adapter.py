@@ -38,7 +38,12 @@ CAPABILITIES = frozenset(
 )
 """Walls of 2D do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
 
-CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.MATERIALS, Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
+CAPABILITIES_3D = OF_RIGID_SPHERES | {
+    Capability.MATERIALS,
+    Capability.ROLLING_CONSTANT,
+    Capability.TWISTING_CONSTANT,
+    Capability.BOXES,
+}
 """Walls of 3D that move are boxes on joints, of an inertia beyond the reach of any force."""
 
 SHARED_CONE = (
