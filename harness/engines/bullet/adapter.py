@@ -23,6 +23,7 @@ CAPABILITIES = OF_RIGID | {
     Capability.BODY_FORCES,
     Capability.SPHERES,
     Capability.TWISTING_CONSTANT,
+    Capability.BOXES,
 }
 CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT, Capability.BOXES}
 

@@ -24,6 +24,7 @@ CAPABILITIES = (OF_RIGID - {Capability.FIXED_DISKS}) | {
     Capability.DISK_INERTIA,
     Capability.BODY_FORCES,
     Capability.SPHERES,
+    Capability.BOXES,
 }
 
 NO_SPRINGS = "https://dartsim.github.io/dart/v6.13.2/"

@@ -168,7 +168,11 @@ class DartSession(WorldSession):
             joint, body = skeleton.createTranslationalJoint2DAndBodyNodePair()
             joint.setXYPlane()
         else:
-            _, body = skeleton.createTranslationalJointAndBodyNodePair()
+            joint, body = skeleton.createTranslationalJointAndBodyNodePair()
+            if self.solid:  # moves along the axes of the scene, turned as at time 0
+                kept = dartpy.math.Isometry3()
+                kept.set_rotation(rotation_matrix(bodies.quaternion[i]).T)
+                joint.setTransformFromChildBodyNode(kept)
         self._give_shape(body, i, friction, restitution)
         omega = [] if not turning else [float(bodies.omega[i])] if flat else bodies.omega[i].tolist()
         turned = vector_of(rotation_matrix(bodies.quaternion[i])).tolist() if self.solid and turning else [0.0 for _ in omega]

@@ -43,6 +43,7 @@ RIGID = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.DISK_INERTIA,
         Capability.SPHERES,
+        Capability.BOXES,
     }
 )
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation.
@@ -144,7 +145,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
     Their contacts have the scene's stiffness and keep its overlaps; without them they would land first.
     """
 
-    capabilities_3d = (RIGID - {Capability.DISK_INERTIA}) | {Capability.BOXES}
+    capabilities_3d = RIGID - {Capability.DISK_INERTIA}
     preload_note = "the shear forces of the preload are left out, its overlaps are kept: there is no shear spring"
 
     distribution = "drake"

@@ -34,6 +34,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import (
     BodyIndex,
+    FixedOffsetFrame,
     PlanarJoint,
     PrismaticJoint,
     QuaternionFloatingJoint,
@@ -257,7 +258,11 @@ class _SlidingJoint:
         damping = scene.xi * body.default_mass() if isinstance(scene, Scene) else 0.0
         axes = "xyz"[: scene.dimension]
         carriers = [plant.AddRigidBody(f"{name} carrier {axis}", SpatialInertia.Zero()) for axis in axes[1:]]
-        frames = [plant.world_frame(), *(each.body_frame() for each in carriers), body.body_frame()]
+        own = body.body_frame()
+        if has_boxes(scene):  # moves along the axes of the scene, turned as at time 0
+            kept = RotationMatrix(rotation_matrix(scene.bodies.quaternion[int(name.split()[-1])]).T)  # type: ignore[union-attr]
+            own = plant.AddFrame(FixedOffsetFrame(f"{name} kept", own, RigidTransform(kept)))
+        frames = [plant.world_frame(), *(each.body_frame() for each in carriers), own]
         self.still = np.zeros(3) if scene.dimension == 3 else 0.0
         self.joints = [
             plant.AddJoint(PrismaticJoint(f"{name} {axis}", frames[k], frames[k + 1], np.eye(3)[k], damping=damping))

@@ -34,6 +34,7 @@ CAPABILITIES = frozenset(
         Capability.BODY_FORCES,
         Capability.SPHERES,
         Capability.TWISTING_CONSTANT,
+        Capability.BOXES,
     }
 )
 """Walls of 2D do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
