@@ -132,7 +132,7 @@ class BoxIncline:
             Headline(name="spin of a box on an incline", use="rest", quantity="spin_final", expected=spin,
                      source="rotation about the lower edge, or 0", scale=rate / HALF_HEIGHT,
                      scale_is="speed without friction over half the height"),
-            Headline(name="centre of pressure under a box", use="rest", quantity="centre", expected=first.centre, source="statics",
+            Headline(name="centre of pressure under a box", use="rest", quantity="centre", expected=math.nan if tips else first.centre, source="statics",
                      scale=float(_half(params)[0]), scale_is="half the edge"),
         )  # fmt: skip
 
@@ -220,8 +220,8 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
     # A soft contact at one corner alone lets its part of the speed through there.
     turning = 2.0 * off.speed / float(half[:2].min())
     atol = {
-        "down": off.overlap + 0.5 * first.acceleration * t_end * dt,
-        "across": off.overlap,
+        "down": 2.0 * off.overlap + 0.5 * first.acceleration * t_end * dt,
+        "across": 2.0 * off.overlap,
         "speed": 2.0 * off.speed,
         "gap": 2.0 * off.overlap,
         "spin": turning,
@@ -254,7 +254,12 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         depth = (fall + lift) * dt + lift**2 / (2.0 * G * math.cos(slope))
         atol["speed"] += mu * (fall + 2.0 * lift)
         atol["down"] += mu * lift * t_end + mu * depth
+        atol["across"] += depth
         atol["gap"] += depth
+        if first.mode == "stands":
+            # A flight of a step or two has the free speed; friction takes it back before the next.
+            atol["speed"] += 2.0 * G * math.sin(slope) * dt
+            atol["down"] += 2.0 * G * math.sin(slope) * dt * t_end
         for name in ("spin", "turning"):
             atol[name] += (fall + lift) / float(half[:2].min())
         atol["force"] += 2.0 * MASS * (fall + lift) / t_end
@@ -281,21 +286,15 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         Check(quantity=name, norm="max", truth="analytic", expected=expected, source=SOURCE, atol=bound, scale=scale, why=why)
         for name, expected, bound, scale in rows
     ]
-    numbers = [("centre", first.centre, atol["centre"], float(half[0]))]
+    numbers = []
     if not tips:
-        numbers += [(f"{name}_mean", MASS * getattr(first, name), atol["force"], MASS * G) for name in ("fn", "fs")]
-    elif not observed_moment_counts(engine):
-        numbers = []
+        numbers = [(f"{name}_mean", MASS * getattr(first, name), atol["force"], MASS * G) for name in ("fn", "fs")]
+        numbers += [("centre", first.centre, atol["centre"], float(half[0]))]
     return found + [
         Check(quantity=name, norm="scalar", truth="analytic", expected=expected, source=SOURCE, atol=bound, scale=scale,
               why=f"mean over half the run; {why}")
         for name, expected, bound, scale in numbers
     ]  # fmt: skip
-
-
-def observed_moment_counts(engine: EngineInfo) -> bool:
-    """Whether the pressure of a box that tips is at the edge alone: soft contacts have a second edge in touch for a while."""
-    return engine.contact != "soft"
 
 
 CASE = BoxIncline()

@@ -47,6 +47,10 @@ ENGINE_VERSION = version("pybullet")
 _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
 
+BOX_SWEEPS = 10
+"""Sweeps over the contacts of a scene with boxes, in units of those of spheres: the four corners of a face on a plane share one load, and 200
+leave a third of it in a step."""
+
 
 class BulletSession(WorldSession):
     """The `Session` of one run."""
@@ -65,7 +69,7 @@ class BulletSession(WorldSession):
         self.inflate = 0.5 * touch if len(bodies) > 1 or self.solid else 0.0
         self.reach = wall_reach(scene, numerics, "Bullet") if self.solid else 0.0
         parameters = {
-            "numSolverIterations": options["bullet.iterations"],
+            "numSolverIterations": options["bullet.iterations"] * (BOX_SWEEPS if has_boxes(scene) else 1),
             "solverResidualThreshold": 0.0,
             "contactERP": options["bullet.contact_erp"],
             "contactBreakingThreshold": touch * self.unit,

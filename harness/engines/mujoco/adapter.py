@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
@@ -134,6 +135,10 @@ class MuJoCoEngine(RigidPackageEngine):
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
         pairs = len(scene.bodies) * (len(scene.bodies) - 1) // 2
         refused = partly_held(scene, "MuJoCo") if isinstance(scene, SphereScene) else []
+        if has_boxes(scene) and any(law.restitution for law in scene.laws_in_use):
+            refused.append(
+                "at the low impedance of this adapter the restitution of a box would depend on where it is hit: boxes have none here"
+            )
         if pairs <= MOST_PAIRS:
             return refused
         return (

@@ -45,7 +45,7 @@ from ninedisk.core.scene import ContactLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes, quaternion_product, rotation_matrix
 from ninedisk.harness.api.engine import EngineError
-from ninedisk.harness.engines.boxes import ContactSums
+from ninedisk.harness.engines.boxes import CORNERS, ContactSums
 from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
 from ninedisk.harness.engines.world import (
@@ -302,21 +302,19 @@ class MuJoCoSession:
             if name.startswith("mjWARN_") and self.data.warning[int(warning)].number:
                 raise EngineError(f"MuJoCo warned of {name} by step {self.done}; reduce dt")
 
-    def contacts_at_once(self, pair: Pair) -> float:
-        """By how much the contacts of a pair together respond more than one at the centres: 1 for spheres.
+    def contacts_at_once(self, pair: Pair) -> tuple[float, float]:
+        """By how much the contacts of a pair together respond more than one at the centres, to normal forces and to friction.
 
-        At a low impedance the dampers of a box's contacts act side by side, each with its full part of the velocity. Together they change
-        the velocity at one of them by their number times ``1 + m r^2/I`` at most, r the distance from the centre: each has that
-        much less damping, or a substep would reverse the velocity.
+        1 for spheres. At a low impedance the dampers of a box's contacts act side by side, each with its full part of the velocity: each
+        has that much less damping, or a substep would reverse the velocity.
         """
         bodies = self.scene.bodies
-        if not has_boxes(self.scene):
-            return 1.0
-        solid = [body for body in pair if body < len(bodies) and bodies.boxes[body]]
+        solid = [i for i in pair if i < len(bodies) and bodies.boxes[i]] if has_boxes(self.scene) else []
         if not solid:
-            return 1.0
-        count = 4.0 if len(solid) == 1 else 8.0
-        return count * max(1.0 + float(bodies.mass[i] * bodies.radius[i] ** 2 / bodies.inertia[i].min()) for i in solid)
+            return 1.0, 1.0
+        found = np.max([face_response(bodies.half_sizes[i], bodies.inertia[i] / bodies.mass[i]) for i in solid], axis=0)
+        normal, shear = found * (1.0 if len(solid) == 1 else 2.0)  # two faces have up to eight common corners
+        return float(normal), float(shear)
 
     def _solref(self, law: ContactLaw | SphereLaw, at_once: float = 1.0) -> list[float]:
         """Stiffness [1/s^2] and damping [1/s] of a contact's oscillator, negative as MuJoCo wants them."""
@@ -432,18 +430,37 @@ class MuJoCoSession:
     def _add_pair(self, spec: Any, pair: Pair) -> None:
         law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
         condim, friction = self.friction(law, pair)
-        at_once = self.contacts_at_once(pair)
+        normal, shear = self.contacts_at_once(pair)
         spec.add_pair(
             geomname1=_name(pair[0]),
             geomname2=_name(pair[1]),
             condim=condim,
             friction=friction,
-            solref=self._solref(law, at_once),
-            solreffriction=[0.0, -self.slip_damping / at_once],
+            solref=self._solref(law, normal),
+            solreffriction=[0.0, -self.slip_damping / shear],
             solimp=[impedance, impedance, 1.0, 0.5, 2.0],
             margin=0.0,
             gap=0.0,
         )
+
+
+def face_response(half: FloatArray, inertia: FloatArray) -> tuple[float, float]:
+    """Largest response of a box to forces at the four corners of a face, over that of its centre: to normal forces, and to friction.
+
+    Parameters
+    ----------
+    half : array, shape (3,)
+        Half the edges [m].
+    inertia : array, shape (3,)
+        Moments of inertia over the mass [m^2].
+    """
+    largest = [1.0, 1.0]
+    for face in range(3):
+        corners = half * CORNERS[CORNERS[:, face] < 0.0]
+        for k, directions in enumerate((np.eye(3)[[face]], np.delete(np.eye(3), face, axis=0))):
+            rows = np.array([[*d, *(np.cross(corner, d) / np.sqrt(inertia))] for corner in corners for d in directions])
+            largest[k] = max(largest[k], float(np.linalg.eigvalsh(rows @ rows.T)[-1]))
+    return largest[0], largest[1]
 
 
 def _name(body: int) -> str:
