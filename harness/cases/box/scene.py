@@ -110,13 +110,17 @@ class Slack(NamedTuple):
     overlap: float
 
 
-def slack(engine: EngineInfo, dt: float, t_end: float, n_steps: int) -> Slack:
-    """Round-off, and what soft contacts let through.
+def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> Slack:
+    """Round-off, and what soft contacts let through of a uniform box with these half edges.
 
-    Corners bear the load side by side; where the load is at one edge, two of them bear it, so that the overlap of a contact with the
-    scene's stiffness is half the weight over it.
+    A corner responds to a force by ``1 + r^2/I`` times as much as the centre at most, I the smallest moment of inertia over the mass: a
+    contact that is soft by a part of a sphere's response lets through that much more of the speed. Where the load is at one edge two
+    corners bear it, so that the overlap of a contact with the scene's stiffness is half the weight over it.
     """
-    speed = G * slack_time(engine, dt) + 1e-10 * G * t_end + single(engine, G * t_end, n_steps)
+    t_end = dt * n_steps
+    square = half**2
+    response = 1.0 + 3.0 * float(square.sum()) / float(square.sum() - square.max())
+    speed = response * G * slack_time(engine, dt) + 1e-10 * G * t_end + single(engine, G * t_end, n_steps)
     keeps = Difference.KEEPS_KN in engine.differences
     overlap = (0.5 * MASS * G / KN if keeps else 0.0) + speed * t_end + 1e-12
     return Slack(speed, contact_softness(engine) + 1e-9 + single(engine, 1.0, 1), overlap)

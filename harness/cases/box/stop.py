@@ -155,15 +155,15 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
     numerics, t, mu, v0 = setup.numerics, observed.t, params["mu"], params["speed"]
     dt, t_end = numerics.dt, float(t[-1])
     path, speed = _path(params, observed)
-    off = slack(engine, dt, t_end, numerics.n_steps)
-    slow, sunk = 4.0 * off.speed, 2.0 * off.overlap
+    off = slack(engine, HALF, dt=dt, n_steps=numerics.n_steps)
+    slow, sunk = off.speed, off.overlap
     lever = float(HALF[:2].min())
     atol = {
         "distance": 0.5 * v0 * dt + slow * t_end + sunk,
         "speed": slow + 0.5 * mu * G * dt,
         "across": slow * t_end + sunk,
         "gap": sunk,
-        "turned": 2.0 * (off.speed * t_end + sunk) / lever,
+        "turned": (off.speed * t_end + sunk) / lever,
     }
     why = f"first order in the step: v0 dt/2{soft_reason(engine)}{single_precision(engine)}"
     if Difference.KEEPS_KN in engine.differences:

@@ -48,8 +48,9 @@ _UNLIMITED = 1e30
 SWEEP_TOLERANCE, MAX_SWEEPS = 1e-12, 10_000
 """Residual, of the size of DART's regularisation squared, and sweeps that a stack of dozens of bodies needs at most."""
 
-BOX_SWEEPS = 1_000
-"""Sweeps of scenes with boxes: the contacts of a face converge within a hundred, or go round in a cycle that no number ends."""
+BOX_TOLERANCE, BOX_SWEEPS = 1e-6, 1_000
+"""The same of scenes with boxes: the contacts of a face reach no smaller residual, and a step that does not reach it is solved anew by
+DART's dantzig, with a pyramid of friction."""
 
 DETECTORS = {
     "dart": dartpy.collision.DARTCollisionDetector,
@@ -70,14 +71,15 @@ class DartSession(WorldSession):
         self.touch = touch_length(scene, numerics, "DART")
         self.solid = has_boxes(scene)
         self.reach = wall_reach(scene, numerics, "DART") if self.solid else 0.0
-        sweeps, most = options["dart.solver"] == "nsgs", BOX_SWEEPS if self.solid else MAX_SWEEPS
+        sweeps = options["dart.solver"] == "nsgs"
+        tolerance, most = (BOX_TOLERANCE, BOX_SWEEPS) if self.solid else (SWEEP_TOLERANCE, MAX_SWEEPS)
         self.settings: dict[str, Any] = {
             **options,
             "dart.split_impulse": True,
             "dart.deactivation": False,
             "dart.constraint_force_mixing": FORCE_MIXING,
             "dart.touch": self.touch,
-            **({"dart.tolerance": SWEEP_TOLERANCE, "dart.max_sweeps": most} if sweeps else {}),
+            **({"dart.tolerance": tolerance, "dart.max_sweeps": most} if sweeps else {}),
             "dart.friction_of_a_pair": "the smaller one",
             "dart.restitution_of_a_pair": "product",
         }
@@ -90,7 +92,7 @@ class DartSession(WorldSession):
         solver = self.world.getConstraintSolver()
         solver.setCollisionDetector(DETECTORS[options["dart.collision_detector"]]())
         if sweeps:  # dantzig is DART's default, and Python cannot construct another one
-            solver.setBoxedLcpSolver(_gauss_seidel(most))
+            solver.setBoxedLcpSolver(_gauss_seidel(tolerance, most))
         solver.setSplitImpulseEnabled(True)
         alone = len(scene.bodies) < 2
         bounce = product_factors(
@@ -238,11 +240,11 @@ class DartSession(WorldSession):
         return surface
 
 
-def _gauss_seidel(sweeps: int) -> Any:
+def _gauss_seidel(tolerance: float, sweeps: int) -> Any:
     """DART's non-smooth Gauss-Seidel with Coulomb's cone."""
     solver = dartpy.constraint.NsgsFrictionSolver()
     options = solver.getOptions()
     options.law = dartpy.constraint.NsgsFrictionSolver.Law.Coulomb
-    options.tolerance, options.maxSweeps = SWEEP_TOLERANCE, sweeps
+    options.tolerance, options.maxSweeps = tolerance, sweeps
     solver.setOptions(options)
     return solver
