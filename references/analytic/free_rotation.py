@@ -63,9 +63,7 @@ def quaternion_rate(quaternion: FloatArray, spin: FloatArray) -> FloatArray:
     """Rate of a quaternion [1/s] under a spin about the axes of the body [rad/s]: half their product."""
     w, x, y, z = quaternion
     a, b, c = spin
-    return 0.5 * np.array(
-        [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
-    )
+    return 0.5 * np.array([-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a])
 
 
 def euler_steps(n_steps: int, *, dt: float, inertia: ArrayLike, spin: ArrayLike, quaternion: ArrayLike) -> Rotation:

@@ -249,7 +249,9 @@ def spinning_box(info: EngineInfo) -> Probe:
     half, spin, weight = np.array([0.5, 0.3, 0.4]), 3.0, M * G
     # The shortest rotation that takes z to the floor's normal; the box then turns about that axis of its frame.
     first = np.array([1.0 + UP[2], -UP[1], UP[0], 0.0]) / math.sqrt(2.0 + 2.0 * UP[2])
-    scene = on_floor(law(info), 0.0, x=[half[2] * UP], radius=None, half_sizes=[half], quaternion=[first], omega=[spin * UP])
+    scene = on_floor(
+        law(info), 0.0, x=[half[2] * UP], radius=None, half_sizes=[half], quaternion=[first], omega=[spin * UP]
+    )
     numerics = Numerics(dt=0.002, n_steps=20)
     end = numerics.dt * numerics.n_steps
     turn = spin * end

@@ -21,7 +21,7 @@ from ninedisk.references.analytic.free_rotation import Rotation, euler_steps, fr
 HALF = np.array([0.5, 0.3, 0.2])
 """Half the edges [m]: the moments of inertia about them grow in this order."""
 
-TURN = np.array([0.5, 0.1, -0.7, 0.5]) / 1.0
+TURN = np.array([0.5, 0.1, -0.7, 0.5])
 """Orientation at time 0, a unit quaternion (w, x, y, z): no axis of the box lies along one of the scene."""
 
 SPINS = {"any": np.array([3.0, 1.5, -2.0]), "intermediate": np.array([0.05, 4.0, 0.02])}
@@ -61,7 +61,10 @@ class FreeBox:
     figures = (
         Figure(
             title="Rotation in flight",
-            quantities=(Plotted("about_second", "spin about the intermediate axis"), Plotted("energy", "energy over that of time 0")),
+            quantities=(
+                Plotted("about_second", "spin about the intermediate axis"),
+                Plotted("energy", "energy over that of time 0"),
+            ),
             compare="spin",
             shows="The spin about the box's intermediate axis, and the energy of the rotation.",
             allows="Near the intermediate axis the spin changes its sign; how soon depends on the errors of the steps before.",

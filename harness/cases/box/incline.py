@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.box.scene import G, MASS, PAIR, box_on_plane, frame_at, pressure_centre, seen, slack
+from ninedisk.harness.cases.box.scene import MASS, PAIR, G, box_on_plane, frame_at, pressure_centre, seen, slack
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     THETA,
@@ -114,7 +114,11 @@ class BoxIncline:
         frame = frame_at(DOWN)
         series = seen(history, frame)
         half = second_half(history.t) + 1
-        scalars = {f"{name}_final": (unit, last(values)) for name, (unit, values) in series.items() if name in ("down", "speed", "spin")}
+        scalars = {
+            f"{name}_final": (unit, last(values))
+            for name, (unit, values) in series.items()
+            if name in ("down", "speed", "spin")
+        }
         scalars |= {f"{name}_mean": ("N", float(series[name][1][half:].mean())) for name in ("fn", "fs")}
         scalars["centre"] = ("m", pressure_centre(history, frame, half))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
@@ -276,7 +280,10 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         atol["centre"] += HALF_HEIGHT * 4.0 * (fall + lift) / (G * t_end)
         why += f"; a sliding contact opens and lands again: up to {fall + lift:.3g} m/s"
     zero = np.zeros_like(t)
-    rows: list[tuple[str, Any, float, float]] = [("across", zero, atol["across"], float(half[0])), ("turning", zero, atol["turning"], G * t_end)]
+    rows: list[tuple[str, Any, float, float]] = [
+        ("across", zero, atol["across"], float(half[0])),
+        ("turning", zero, atol["turning"], G * t_end),
+    ]
     if tips:
         motion = tipping_box(t, **_tipping(params))
         # A step late or early, and one in which the edge, lifted by the rotation of the step before, has lost the plane.
@@ -293,7 +300,16 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
             ("gap", zero, atol["gap"], HALF_HEIGHT),
         ]  # fmt: skip
     found = [
-        Check(quantity=name, norm="max", truth="analytic", expected=expected, source=SOURCE, atol=bound, scale=scale, why=why)
+        Check(
+            quantity=name,
+            norm="max",
+            truth="analytic",
+            expected=expected,
+            source=SOURCE,
+            atol=bound,
+            scale=scale,
+            why=why,
+        )
         for name, expected, bound, scale in rows
     ]
     numbers = []

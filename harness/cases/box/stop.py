@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.box.scene import G, PAIR, box_on_plane, frame_at, seen, slack, turned_angle
+from ninedisk.harness.cases.box.scene import PAIR, G, box_on_plane, frame_at, seen, slack, turned_angle
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
@@ -43,7 +43,9 @@ class BoxStop:
     version = 1
     title = "A box slides to a stop"
     source = SOURCE
-    requirement = "stops after v0^2/(2 mu g), on a straight line, without rising and without turning, in every direction"
+    requirement = (
+        "stops after v0^2/(2 mu g), on a straight line, without rising and without turning, in every direction"
+    )
     parameters: tuple[Parameter, ...] = (
         Parameter(name="direction_deg", default=15.0, low=-360.0, high=360.0, unit="deg", in_id=True, help="direction of the velocity"),
         Parameter(name="yaw_deg", default=20.0, low=-360.0, high=360.0, unit="deg", in_id=True, help="direction of the longest edge"),
@@ -75,7 +77,11 @@ class BoxStop:
             raise ParameterError(f"mu = {params['mu']:g} is not allowed: the box would tip")  # pragma: no cover
         frame = _frame(params)
         scene = box_on_plane(
-            half=HALF, mu=params["mu"], yaw=math.radians(params["yaw_deg"]), gravity=-G * frame.up, v=params["speed"] * frame.along
+            half=HALF,
+            mu=params["mu"],
+            yaw=math.radians(params["yaw_deg"]),
+            gravity=-G * frame.up,
+            v=params["speed"] * frame.along,
         )
         n_steps = whole_steps(params, BEYOND * params["speed"] / (params["mu"] * G))
         return SphereSetup(
@@ -87,10 +93,16 @@ class BoxStop:
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002
         """Motion along and across the initial direction, and the angle by which the box has turned."""
-        series = {name: each for name, each in seen(history, _frame(params)).items() if name in ("down", "across", "speed", "gap")}
+        series = {
+            name: each
+            for name, each in seen(history, _frame(params)).items()
+            if name in ("down", "across", "speed", "gap")
+        }
         series["distance"] = series.pop("down")
         series["turned"] = ("rad", turned_angle(history))
-        scalars = {f"{name}_final": (series[name][0], last(series[name][1])) for name in ("distance", "speed", "turned")}
+        scalars = {
+            f"{name}_final": (series[name][0], last(series[name][1])) for name in ("distance", "speed", "turned")
+        }
         scalars["aside"] = ("m", float(np.abs(series["across"][1]).max()))
         scalars["lift"] = ("m", float(np.maximum(series["gap"][1], 0.0).max()))
         return Observed(step=history.step, t=history.t, series=series, scalars=scalars)
@@ -142,7 +154,10 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     path = np.concatenate([[0.0], np.cumsum(numerics.dt * (theta * speed[1:] + (1.0 - theta) * speed[:-1]))])
     # Rounding decides whether a stop that ends with a step takes one more.
     rough = 1e-9 * params["speed"]
-    source, why = f"{engine.scheme}: exact speeds and their sum", "exact solution of this very scheme: round-off and the solver's tolerance"
+    source, why = (
+        f"{engine.scheme}: exact speeds and their sum",
+        "exact solution of this very scheme: round-off and the solver's tolerance",
+    )
     return [
         Check(quantity="distance", norm="max", truth="exact-step", expected=path[observed.step], source=source, rtol=EXACT_STEP_RTOL,
               atol=rough * float(observed.t[-1]), scale=float(path[-1]), why=why),
@@ -191,7 +206,16 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         ("turned", zero, float(path[-1]) / lever),
     ]  # fmt: skip
     return [
-        Check(quantity=name, norm="max", truth="analytic", expected=expected, source=SOURCE, atol=atol[name], scale=scale, why=why)
+        Check(
+            quantity=name,
+            norm="max",
+            truth="analytic",
+            expected=expected,
+            source=SOURCE,
+            atol=atol[name],
+            scale=scale,
+            why=why,
+        )
         for name, expected, scale in rows
     ]
 

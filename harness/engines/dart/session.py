@@ -180,7 +180,11 @@ class DartSession(WorldSession):
                 joint.setTransformFromChildBodyNode(kept)
         self._give_shape(body, i, friction, restitution)
         omega = [] if not turning else [float(bodies.omega[i])] if flat else bodies.omega[i].tolist()
-        turned = vector_of(rotation_matrix(bodies.quaternion[i])).tolist() if self.solid and turning else [0.0 for _ in omega]
+        turned = (
+            vector_of(rotation_matrix(bodies.quaternion[i])).tolist()
+            if self.solid and turning
+            else [0.0 for _ in omega]
+        )
         skeleton.setPositions(self._coordinates(bodies.x[i], turned))
         skeleton.setVelocities(self._coordinates(bodies.v[i], omega))
         if not flat:

@@ -44,7 +44,6 @@ from pydrake.multibody.tree import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.boxes import has_boxes, rotation_matrix
 from ninedisk.harness.engines.boxes import CORNERS, ContactSums

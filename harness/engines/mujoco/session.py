@@ -22,7 +22,8 @@ In 3D:
   can change. After each substep its orientation is undone, which a sphere does not show: spins are then those of the scene's axes.
 - A wall that moves is a face of a box on such joints, of a mass and an inertia that nothing can change, and without weight; so is a sphere
   whose whole motion is prescribed. Bodies whose pose alone is prescribed (mocap) meet contacts as if they were at rest.
-- A box is a geom of that shape, whose contacts have less damping each, see `MuJoCoSession.contacts_at_once`; its orientation is kept, and its spin turned from the body's frame to the scene's after each substep.
+- A box is a geom of that shape, whose contacts have less damping each, see `MuJoCoSession.contacts_at_once`; its orientation is kept,
+  and its spin turned from the body's frame to the scene's after each substep.
 - Resistances to twisting and rolling of the model "constant" are MuJoCo's own, of a contact of four or six dimensions: all share one
   cone with the friction, and twisting has a coefficient of 1e-5 m at least where there is rolling.
 """
@@ -395,7 +396,15 @@ class MuJoCoSession:
         body.add_geom(name=name, type=box, pos=middle, quat=facing, size=[self.reach] * 3, contype=0, conaffinity=0)
 
     def _body(
-        self, spec: Any, name: str, place: Any, mass: float, inertia: FloatArray, *, turns: bool, weightless: bool,
+        self,
+        spec: Any,
+        name: str,
+        place: Any,
+        mass: float,
+        inertia: FloatArray,
+        *,
+        turns: bool,
+        weightless: bool,
         turn: Any = _UPRIGHT,
     ) -> Any:
         """A body on three slides and, where it turns, a hinge about z or in 3D a ball joint."""
@@ -409,7 +418,9 @@ class MuJoCoSession:
             explicitinertial=True,
             gravcomp=float(weightless),
         )
-        for axis in rotation_matrix(np.array(turn)):  # of a joint in the body's frame: its rows there are the axes of the scene
+        for axis in rotation_matrix(
+            np.array(turn)
+        ):  # of a joint in the body's frame: its rows there are the axes of the scene
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
         if turns and self.size == 2:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])

@@ -333,7 +333,11 @@ PLANTED = {
     "axes of its own": ("supports: SPHERES", Planted(answer=history(omega=lambda w: w[..., ::-1])), "omega is"),
     "spheres for boxes": (
         "supports: BOXES",
-        Planted(facts={"capabilities": DemEngine().info().capabilities | {Capability.BOXES}}, scene=as_spheres, support=EXACT),
+        Planted(
+            facts={"capabilities": DemEngine().info().capabilities | {Capability.BOXES}},
+            scene=as_spheres,
+            support=EXACT,
+        ),
         "gap is",
     ),
     "a plane for a sphere": (
