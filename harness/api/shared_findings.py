@@ -77,8 +77,8 @@ def free_rotation_gains(engine: str, versions: str) -> Finding:
         id=f"{engine}/free-rotation-gains-energy",
         versions=versions,
         what=(
-            "The gyroscopic torque is that of the step's begin, Euler's explicit rule: a box that turns freely about no axis of its own gains "
-            "energy and angular momentum, in proportion to the step."
+            "The gyroscopic torque is that of the step's begin, Euler's explicit rule: a box that turns freely about no axis of its own "
+            "gains energy and angular momentum, in proportion to the step."
         ),
         size=Size(
             table="headlines",

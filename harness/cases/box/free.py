@@ -54,7 +54,8 @@ class FreeBox:
     source = SOURCE
     requirement = "I dw/dt = I w x w about the axes of the box; energy and angular momentum are kept; the centre moves straight on"
     parameters: tuple[Parameter, ...] = (
-        Parameter(name="spin", default="any", choices=tuple(SPINS), in_id=True, help="about no axis of the box, or near the intermediate one"),
+        Parameter(name="spin", default="any", choices=tuple(SPINS), in_id=True,
+                  help="about no axis of the box, or near the intermediate one"),
         Parameter.positive("dt", 0.005, unit="s", in_id=True, help="step"),
         Parameter.positive("duration", 2.0, high=20.0, unit="s", help="length of the run"),
     )  # fmt: skip
@@ -79,12 +80,12 @@ class FreeBox:
         """One box, no wall and no gravity."""
         law = SphereLaw(kn=KN, ks=KN, restitution=0.0, regularised=True)
         box = Spheres(
-            x=[[0.0, 0.0, 0.0]],
-            mass=MASS,
-            half_sizes=[HALF],
-            quaternion=[TURN],
-            v=[VELOCITY],
-            omega=[rotation_matrix(TURN) @ SPINS[params["spin"]]],
+            x=np.zeros((1, 3)),
+            mass=np.array([MASS]),
+            half_sizes=HALF[None, :],
+            quaternion=TURN[None, :],
+            v=VELOCITY[None, :],
+            omega=(rotation_matrix(TURN) @ SPINS[params["spin"]])[None, :],
         )
         n_steps = whole_steps(params, params["duration"])
         return SphereSetup(
@@ -115,8 +116,8 @@ class FreeBox:
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """Energy, momentum and orientation in the end."""
         return (
-            Headline(name="energy of a free rotation", use="energy", quantity="energy_final", expected=1.0, source="conservation", scale=1.0,
-                     scale_is="initial energy"),
+            Headline(name="energy of a free rotation", use="energy", quantity="energy_final", expected=1.0, source="conservation",
+                     scale=1.0, scale_is="initial energy"),
             Headline(name="angular momentum of a free rotation", use="energy", quantity="momentum_final", expected=0.0,
                      source="conservation", scale=1.0, scale_is="initial angular momentum"),
             Headline(name="orientation of a box in flight", use="energy", quantity="orientation_final", expected=0.0, source=SOURCE,

@@ -47,8 +47,8 @@ class BoxIncline:
     title = "A box on an incline stands, slides or tips"
     source = SOURCE
     requirement = (
-        "stands where tan(slope) is below mu and b/h, its pressure centred h tan(slope) down the incline; slides with g (sin - mu cos); tips "
-        "with m g (h sin - b cos)/I about the lower edge"
+        "stands where tan(slope) is below mu and b/h, its pressure centred h tan(slope) down the incline; slides with g (sin - mu cos); "
+        "tips with m g (h sin - b cos)/I about the lower edge"
     )
     parameters: tuple[Parameter, ...] = (
         Parameter(name="mu", default=0.35, low=0.0, high=10.0, unit="-", in_id=True, help="friction coefficient"),
@@ -136,8 +136,8 @@ class BoxIncline:
             Headline(name="spin of a box on an incline", use="rest", quantity="spin_final", expected=spin,
                      source="rotation about the lower edge, or 0", scale=rate / HALF_HEIGHT,
                      scale_is="speed without friction over half the height"),
-            Headline(name="centre of pressure under a box", use="rest", quantity="centre", expected=math.nan if tips else first.centre, source="statics",
-                     scale=float(_half(params)[0]), scale_is="half the edge"),
+            Headline(name="centre of pressure under a box", use="rest", quantity="centre", expected=math.nan if tips else first.centre,
+                     source="statics", scale=float(_half(params)[0]), scale_is="half the edge"),
         )  # fmt: skip
 
     def checks(
@@ -149,7 +149,8 @@ class BoxIncline:
             return _continuous(params, setup, observed, engine)
 
         difference = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
-        return [*_exact(params, setup, observed, engine), *checks_with_allowance(difference, setup, engine, found)]  # type: ignore[arg-type]
+        exact = _exact(params, setup, observed, engine)
+        return [*exact, *checks_with_allowance(difference, setup, engine, found)]
 
 
 def start_of(params: Mapping[str, Any]) -> BoxStart:
@@ -209,8 +210,9 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     expected = {"spin": first.tipping * numerics.dt, "fn": MASS * first.fn, "fs": MASS * first.fs}
     sizes = {"spin": G * numerics.dt / HALF_HEIGHT, "fn": MASS * G, "fs": MASS * G}
     return [
-        Check(quantity=name, norm="max", truth="exact-step", expected=value * first_step, source="first step from rest about the lower edge",
-              rtol=1e-8, atol=1e-8 * sizes[name], scale=sizes[name], why="exact in the first step: the solver's tolerance, 1e-8")
+        Check(quantity=name, norm="max", truth="exact-step", expected=value * first_step,
+              source="first step from rest about the lower edge", rtol=1e-8, atol=1e-8 * sizes[name], scale=sizes[name],
+              why="exact in the first step: the solver's tolerance, 1e-8")
         for name, value in expected.items()
     ]  # fmt: skip
 

@@ -44,7 +44,11 @@ def box_on_plane(*, half: Any, mu: float, yaw: float, gravity: FloatArray, v: Fl
     """One box that stands on the plane z = 0 with a face."""
     law = SphereLaw(kn=KN, ks=KN, mu=mu, restitution=0.0, regularised=True)
     box = Spheres(
-        x=[[0.0, 0.0, half[2]]], mass=MASS, half_sizes=[half], quaternion=[about_z(yaw)], v=None if v is None else [v]
+        x=np.array([[0.0, 0.0, half[2]]]),
+        mass=np.array([MASS]),
+        half_sizes=np.array([half]),
+        quaternion=np.array([about_z(yaw)]),
+        v=np.zeros((1, 3)) if v is None else v[None, :],
     )
     floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
     x, y, z = gravity.tolist()

@@ -110,13 +110,17 @@ class BoxStop:
     def headlines(self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed) -> Sequence[Headline]:  # noqa: ARG002
         """The distance, what leaves the line, the turn."""
         path = float(_path(params, observed)[0][-1])
-        of_path = {"scale": path, "scale_is": "stopping distance"}
+        whole = "stopping distance"
         return (
-            Headline(name="stopping distance of a box", use="sliding", quantity="distance_final", expected=path, source="v0^2/(2 mu g)", **of_path),  # type: ignore[arg-type]
-            Headline(name="displacement aside of a box", use="sliding", quantity="aside", expected=0.0, source="friction against the slip", **of_path),  # type: ignore[arg-type]
-            Headline(name="turn of a box that slides", use="sliding", quantity="turned_final", expected=0.0, source="friction without moment",
-                     scale=path / float(np.linalg.norm(HALF[:2])), scale_is="stopping distance over half the diagonal of the face"),
-            Headline(name="lift of a box that slides", use="sliding", quantity="lift", expected=0.0, source="Coulomb's law: no dilation", **of_path),  # type: ignore[arg-type]
+            Headline(name="stopping distance of a box", use="sliding", quantity="distance_final", expected=path, source="v0^2/(2 mu g)",
+                     scale=path, scale_is=whole),
+            Headline(name="displacement aside of a box", use="sliding", quantity="aside", expected=0.0, source="friction against the slip",
+                     scale=path, scale_is=whole),
+            Headline(name="turn of a box that slides", use="sliding", quantity="turned_final", expected=0.0,
+                     source="friction without moment", scale=path / float(np.linalg.norm(HALF[:2])),
+                     scale_is="stopping distance over half the diagonal of the face"),
+            Headline(name="lift of a box that slides", use="sliding", quantity="lift", expected=0.0, source="Coulomb's law: no dilation",
+                     scale=path, scale_is=whole),
         )  # fmt: skip
 
     def checks(
@@ -128,7 +132,8 @@ class BoxStop:
             return _continuous(params, setup, observed, engine)
 
         difference = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
-        return [*_exact(params, setup, observed, engine), *checks_with_allowance(difference, setup, engine, found)]  # type: ignore[arg-type]
+        exact = _exact(params, setup, observed, engine)
+        return [*exact, *checks_with_allowance(difference, setup, engine, found)]
 
 
 def _frame(params: Mapping[str, Any]) -> Any:

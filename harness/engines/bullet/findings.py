@@ -11,8 +11,8 @@ FINDINGS = (
         id="bullet/friction-of-a-box-askew",
         versions="3.2.7",
         what=(
-            "With the implicit cone friction on a box is not against its slip: it slides off a straight line by up to a tenth of its path, and "
-            "turns. Spheres slide straight."
+            "With the implicit cone friction on a box is not against its slip: it slides off a straight line by up to a tenth of its path, "
+            "and turns. Spheres slide straight."
         ),
         size=Size(
             case="box/stop",

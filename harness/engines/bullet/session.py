@@ -48,8 +48,8 @@ _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
 
 BOX_SWEEPS = 10
-"""Sweeps over the contacts of a scene with boxes, in units of those of spheres: the corners of a face share one load, and 200 sweeps leave a
-third of it in a step."""
+"""Sweeps over the contacts of a scene with boxes, in units of those of spheres: the corners of a face share one load, and 200 sweeps leave
+a third of it in a step."""
 
 
 class BulletSession(WorldSession):

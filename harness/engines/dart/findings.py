@@ -1,7 +1,12 @@
 """What DART is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import creeps_at_rest, elastic_bounces_grow, free_rotation_gains, overlap_of_impact_stays
+from ninedisk.harness.api.shared_findings import (
+    creeps_at_rest,
+    elastic_bounces_grow,
+    free_rotation_gains,
+    overlap_of_impact_stays,
+)
 
 FINDINGS = (
     Finding(
@@ -28,8 +33,8 @@ FINDINGS = (
         id="dart/missed-tolerance-gives-a-pyramid",
         versions="6.20.0",
         what=(
-            "A step in which Gauss-Seidel misses its tolerance is solved anew by dantzig, without a word: for that step friction is a pyramid, "
-            "and a box that should stand near its tipping gets a spin."
+            "A step in which Gauss-Seidel misses its tolerance is solved anew by dantzig, without a word: for that step friction is a "
+            "pyramid, and a box that should stand near its tipping gets a spin."
         ),
         size=Size(
             case="box/incline",

@@ -259,7 +259,7 @@ class _SlidingJoint:
         carriers = [plant.AddRigidBody(f"{name} carrier {axis}", SpatialInertia.Zero()) for axis in axes[1:]]
         own = body.body_frame()
         if has_boxes(scene):  # moves along the axes of the scene, turned as at time 0
-            kept = RotationMatrix(rotation_matrix(scene.bodies.quaternion[int(name.split()[-1])]).T)  # type: ignore[union-attr]
+            kept = RotationMatrix(rotation_matrix(scene.bodies.quaternion[int(name.split()[-1])]).T)
             own = plant.AddFrame(FixedOffsetFrame(f"{name} kept", own, RigidTransform(kept)))
         frames = [plant.world_frame(), *(each.body_frame() for each in carriers), own]
         self.still = np.zeros(3) if scene.dimension == 3 else 0.0

@@ -97,9 +97,9 @@ def tipping_box(
         method="DOP853",
         rtol=1e-12,
         atol=1e-14,
-        dense_output=True,
+        t_eval=times,
     )
-    turned, spin = found.sol(times)
+    turned, spin = found.y
     alpha = np.asarray(tipping(turned))
     # In the frame of the turned box, whose centre is at (-b, h) from the edge: the edge's force along its floor and its normal.
     along = h * alpha + b * spin**2 - g * np.sin(angle + turned)
