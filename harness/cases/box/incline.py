@@ -89,7 +89,7 @@ class BoxIncline:
         frame = frame_at(DOWN)
         if params["turned_deg"]:
             off = first.centre * np.array([math.cos(_turned(params)), -math.sin(_turned(params))])
-            if np.any(np.abs(off) >= _half(params)[:2]):
+            if first.mode == "tips" or np.any(np.abs(off) >= _half(params)[:2]):
                 raise ParameterError(
                     f"turned_deg = {params['turned_deg']:g} is not allowed: the turned box would tip; use 0, or a larger aspect"
                 )
@@ -289,7 +289,7 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
     if tips:
         motion = tipping_box(t, **_tipping(params))
         # A step late or early, and one in which the edge, lifted by the rotation of the step before, has lost the plane.
-        late = 2.0 * float(np.ptp(motion.spin)) / len(t) * 2.0
+        late = 2.0 * float(np.ptp(motion.spin)) / len(t)
         rows += [
             ("spin", motion.spin, atol["spin"] + late, float(motion.spin[-1])),
             ("gap", zero, atol["gap"] + G * dt**2 + t_end * HALF_HEIGHT * float(motion.spin[-1]) ** 2 * dt, HALF_HEIGHT),
