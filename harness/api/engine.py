@@ -14,6 +14,7 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import Capability
 
 
@@ -547,6 +548,7 @@ def run_session(
         pairs=pairs,
         force_meaning=force_meaning,
         dimension=scene.dimension,
+        boxes=has_boxes(scene),
     )
     setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
     with setup:

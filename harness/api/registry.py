@@ -95,6 +95,9 @@ BUILTIN_CASES: dict[str, str] = {
     "spheres/saddle": "ninedisk.harness.cases.rolling.saddle:CASE",
     "spheres/unequal": "ninedisk.harness.cases.contact.unequal_spheres:CASE",
     "spheres/rolling-resistance": "ninedisk.harness.cases.rolling.on_plane:RESISTED",
+    "box/incline": "ninedisk.harness.cases.box.incline:CASE",
+    "box/stop": "ninedisk.harness.cases.box.stop:CASE",
+    "box/free": "ninedisk.harness.cases.box.free:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

@@ -54,6 +54,44 @@ def ratchet(engine: str, versions: str, *, variant: str, documented: str = "", t
     )
 
 
+def free_rotation_gains(engine: str, versions: str) -> Finding:
+    """Describe a free rotation that gains energy.
+
+    Parameters
+    ----------
+    engine : str
+        Id of the engine.
+    versions : str
+        Versions in which it was seen.
+
+    Returns
+    -------
+    Finding
+
+    Examples
+    --------
+    >>> free_rotation_gains("acme", "1.0").id
+    'acme/free-rotation-gains-energy'
+    """
+    return Finding(
+        id=f"{engine}/free-rotation-gains-energy",
+        versions=versions,
+        what=(
+            "The gyroscopic torque is that of the step's begin, Euler's explicit rule: a box that turns freely about no axis of its own "
+            "gains energy and angular momentum, in proportion to the step."
+        ),
+        size=Size(
+            table="headlines",
+            case="box/free",
+            variant="spin=any,dt=0.005*",
+            quantity="energy of a free rotation",
+            over=1e-3,
+            sign=1,
+            over_why="MuJoCo, in substeps of a 200th, keeps it to 1e-4; a rule of second order to less",
+        ),
+    )
+
+
 def friction_while_pulled(engine: str, versions: str) -> Finding:
     """Describe Coulomb's bound by the size of a normal force that pulls.
 

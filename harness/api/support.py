@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import PlaneWall, Scene, SphereScene, Wall
+from ninedisk.harness.api.boxes import box_reach, rotation_matrix
 from ninedisk.harness.api.capabilities import SLIP_AT, Capability, capabilities_needed
 from ninedisk.harness.api.engine import Engine, Support, SupportLevel
 
@@ -262,6 +263,8 @@ def _reach(scene: Scene | SphereScene, normal: NDArray[np.float64]) -> NDArray[n
     """How far each body reaches towards a wall with this inward normal [m], shape (n,)."""
     reach = np.array(scene.bodies.radius)
     if isinstance(scene, SphereScene):
+        for i in np.flatnonzero(scene.spheres.boxes):
+            reach[i] = box_reach(scene.spheres.half_sizes[i], rotation_matrix(scene.spheres.quaternion[i]), normal)
         return reach
     disks = scene.disks
     for i in np.flatnonzero(disks.outline >= 0):

@@ -13,7 +13,9 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import PlaneSegment, Scene, SphereScene
 from ninedisk.core.validate import FloatArray
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.engines.boxes import box_frame
 
 
 class WallPoses:
@@ -152,7 +154,7 @@ def contact_frame(
     point, normal : array
         Walls' surface points [m] and normals at the same time, shape (m, dimension).
     i, j : int
-        A disk or sphere, and a later one or a wall.
+        A disk or sphere, and a later one or a wall; boxes: `ninedisk.harness.engines.boxes.box_frame`.
     """
     radius, wall = scene.bodies.radius, j - len(scene.bodies)
     if wall >= 0:
@@ -169,8 +171,9 @@ def write_contacts(
     pose: Any,
     impulses: Mapping[Pair, FloatArray] | None,
     dt: float,
+    moments: Mapping[Pair, FloatArray] | None = None,
 ) -> None:
-    """Write walls' poses, gaps, contact forces and walls' resultants of a row whose positions are there already.
+    """Write walls' poses, gaps, contact forces and walls' resultants of a row whose positions, and of boxes orientations, are there.
 
     Parameters
     ----------
@@ -184,17 +187,25 @@ def write_contacts(
         whose forces stay NaN.
     dt : float
         Length of that step [s].
+    moments : mapping or None
+        Of scenes with boxes: moment of these impulses [N m s] about the centre of the first body of each touching pair, shape (3,).
     """
     size, (point, normal, *_) = scene.dimension, pose
+    boxes = scene.bodies.boxes if isinstance(scene, SphereScene) and has_boxes(scene) else ()
     history.wall_point[row] = point
     history.wall_angle[row] = normal if size == 3 else np.arctan2(normal[:, 1], normal[:, 0])
     for c, (i, j) in enumerate(history.pairs):
-        n, gap = contact_frame(scene, history.x[row], point, normal, i, j)
+        if any(boxes[k] for k in (i, j) if k < len(boxes)):
+            n, gap = box_frame(scene, history.x[row], history.quaternion[row], point, normal, i, j)  # type: ignore[arg-type, index]
+        else:
+            n, gap = contact_frame(scene, history.x[row], point, normal, i, j)
         history.gap[row, c] = gap
         if impulses is not None:
             force = impulses.get((i, j), np.zeros(size)) / dt
             history.fn[row, c] = -(force @ n)
             history.fs[row, c] = force - (force @ n) * n if size == 3 else force @ np.array([-n[1], n[0]])
+            if moments is not None and history.moment is not None:
+                history.moment[row, c] = moments.get((i, j), np.zeros(3)) / dt
     if impulses is not None:
         history.wall_force[row] = 0.0
         for i, j in sorted(
@@ -247,6 +258,8 @@ class WorldSession(ABC):
 
     poses: Any
     """What gives the walls' poses at a time."""
+    moments: Mapping[Pair, FloatArray] | None = None
+    """Of scenes with boxes: moments of what `impulses` returned last [N m s], about the centre of the first body of each pair."""
 
     def __init__(self, scene: Any, numerics: Numerics, pairs: tuple[Pair, ...]) -> None:
         self.scene, self.dt, self.pairs, self.done = scene, numerics.dt, pairs, 0
@@ -303,7 +316,7 @@ class WorldSession(ABC):
         if self.driven:
             write_driven(self.scene, history, row, self.done * self.dt)
         pose, impulses = self.poses(self.done * self.dt), self.impulses() if self.done else None
-        write_contacts(self.scene, history, row, pose, impulses, self.dt)
+        write_contacts(self.scene, history, row, pose, impulses, self.dt, self.moments)
 
     @abstractmethod
     def step(self, *, last: bool) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.history import History
 from ninedisk.core.numerics import Numerics
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.case import Check, Headline, Observed, Setup
 from ninedisk.harness.api.engine import EngineError, Timings
 from ninedisk.harness.api.text import found_and_expected, with_unit
@@ -48,6 +49,7 @@ def blank_history(setup: Setup) -> History:
         n_walls=len(setup.scene.walls),
         pairs=tuple(setup.scene.check_pair(pair) for pair in setup.watch),
         dimension=setup.scene.dimension,
+        boxes=has_boxes(setup.scene),
     )
 
 

@@ -12,6 +12,7 @@ from ninedisk.harness.cases.adapter.space import (
     reported_losses,
     resting_sphere,
     sliding_sphere,
+    spinning_box,
     sticky_sphere,
     twisting_sphere,
 )
@@ -33,6 +34,7 @@ def probe_in_space(capability: Capability, info: EngineInfo) -> Probe | None:
         Capability.BODY_FORCES_3D: lambda: space_loads.pushed(info),
         Capability.PRELOAD_3D: lambda: space_loads.preloaded(info),
         Capability.COHESION_3D: lambda: space_loads.stuck_deep(info),
+        Capability.BOXES: lambda: spinning_box(info),
         Capability.PERIODIC_CELL_3D: lambda: space_loads.across_the_edge(info),
         Capability.ROLLING_VISCOUS_3D: lambda: space_loads.slowed(info),
         **(

@@ -11,6 +11,7 @@ from ninedisk.core.history import History
 from ninedisk.core.law import Rolling, SphereLaw, Surface, Unloading
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.harness.api.boxes import rotation_matrix
 from ninedisk.harness.api.capabilities import LEVER_ARMS
 from ninedisk.harness.api.case import FloatArray, SphereSetup
 from ninedisk.harness.api.engine import EngineInfo
@@ -241,6 +242,46 @@ def sticky_sphere(info: EngineInfo, surface: Surface) -> Probe:
         ]  # fmt: skip
 
     return probe_of_spheres(f"surface {surface}", scene, numerics, closed_forms)
+
+
+def spinning_box(info: EngineInfo) -> Probe:
+    """A smooth box that stands on the oblique floor with a face and spins about the floor's normal: it keeps its spin and its place."""
+    half, spin, weight = np.array([0.5, 0.3, 0.4]), 3.0, M * G
+    # The shortest rotation that takes z to the floor's normal; the box then turns about that axis of its frame.
+    first = np.array([1.0 + UP[2], -UP[1], UP[0], 0.0]) / math.sqrt(2.0 + 2.0 * UP[2])
+    scene = on_floor(
+        law(info), 0.0, x=[half[2] * UP], radius=None, half_sizes=[half], quaternion=[first], omega=[spin * UP]
+    )
+    numerics = Numerics(dt=0.002, n_steps=20)
+    end = numerics.dt * numerics.n_steps
+    turn = spin * end
+    allowed = contact_error(info)
+
+    def closed_forms(history: History) -> list[ClosedForm]:
+        along = np.full(3, np.nan) if history.quaternion is None else rotation_matrix(history.quaternion[-1, 0])[:, 0]
+        start = rotation_matrix(first)
+        moment = np.full(3, np.nan) if history.moment is None else history.moment[-1, 0]
+        still = "equilibrium: round-off and the solver's tolerance"
+        mend = "a box touches a plane with the corners of a face; its centre is half an edge above"
+        return [
+            ClosedForm(quantity="fn", unit="N", value=history.fn[-1, 0], expected=weight, bound=allowed * weight, why=still, mend=mend),
+            ClosedForm(quantity="gap", unit="m", value=history.gap[-1, 0], expected=0.0, bound=1e-3 * R,
+                       why="a soft contact sinks by less", mend="the gap of a box is the smallest distance of its corners from the plane"),
+            ClosedForm(quantity="x", unit="m", value=history.x[-1, 0], expected=half[2] * UP, bound=1e-3 * R,
+                       why="a soft contact sinks by less", mend=mend),
+            ClosedForm(quantity="omega", unit="rad/s", value=history.omega[-1, 0], expected=spin * UP, bound=max(allowed, 1e-9) * spin,
+                       why="nothing acts about the normal", mend="spins of boxes have the axes of the scene"),
+            ClosedForm(quantity="first axis of the box", unit="1", value=along,
+                       expected=math.cos(turn) * start[:, 0] + math.sin(turn) * start[:, 1],
+                       bound=turn * (spin * numerics.dt) ** 2 + allowed * turn,
+                       why="a step's rotation is exact to the third order of its angle",
+                       mend="quaternions (w, x, y, z) take the frames of the bodies to the scene's"),
+            ClosedForm(quantity="moment", unit="N m", value=moment, expected=np.zeros(3), bound=(max(allowed, 1e-9) + 1e-3) * weight * R,
+                       why="forces at four corners that balance; a soft contact shares them by overlaps", observed=False,
+                       mend="moment is the torque of the contact forces on the first body about its centre"),
+        ]  # fmt: skip
+
+    return probe_of_spheres("boxes", scene, numerics, closed_forms)
 
 
 def alone(info: EngineInfo, **sphere: Any) -> SphereScene:

@@ -1,11 +1,30 @@
 """What Bullet is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import elastic_bounces_grow, overlap_of_impact_stays
+from ninedisk.harness.api.shared_findings import elastic_bounces_grow, free_rotation_gains, overlap_of_impact_stays
 
 FINDINGS = (
     elastic_bounces_grow("bullet", "3.2.7"),
     overlap_of_impact_stays("bullet", "3.2.7"),
+    free_rotation_gains("bullet", "3.2.7"),
+    Finding(
+        id="bullet/friction-of-a-box-askew",
+        versions="3.2.7",
+        what=(
+            "With the implicit cone friction on a box is not against its slip: it slides off a straight line by up to a tenth of its path, "
+            "and turns. Spheres slide straight."
+        ),
+        size=Size(
+            case="box/stop",
+            variant="direction_deg=45,yaw_deg=20,mu=0.3",
+            quantity="across",
+            truth="analytic",
+            over=1e-6,
+            fails=True,
+            over_why="Coulomb's friction has no moment about the normal here: MuJoCo, DART and Drake go straight to 1e-6 of the path",
+        ),
+        command="ninedisk run box/stop --engine bullet --set direction_deg=45",
+    ),
     Finding(
         id="bullet/own-erp-adds-energy",
         versions="3.2.7",

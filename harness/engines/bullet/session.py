@@ -5,6 +5,8 @@
 - A wall is an infinite plane. A sphere on it has one contact with the exact normal; on the face of a box, whose contact
   comes from a general convex algorithm, the normal is off by 1e-14 and velocities by as much.
 - The coefficients of a pair are the PRODUCT of its bodies' ones, see `product_factors`.
+- A box is a box. Where the scene has some, a wall is the face of a large box: a box on a plane has one contact in a step, where its corner
+  is lowest, and cannot rest on it; two boxes have up to four, all found anew in each step.
 - Contacts begin where the gap is below `contactBreakingThreshold`. Bullet's 0.02 m makes a contact of a body in flight
   and takes a fall's speed away ahead of the impact; here it is some units of round-off, so that bodies which touch are
   in contact whatever the rounding of their coordinates. Between spheres contacts begin with an overlap: radii are
@@ -33,15 +35,21 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
+from ninedisk.harness.api.boxes import has_boxes
+from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.bullet.adapter import OPTIONS
-from ninedisk.harness.engines.lengths import touch_length
+from ninedisk.harness.engines.lengths import touch_length, wall_reach
 from ninedisk.harness.engines.package import product_factors
-from ninedisk.harness.engines.world import WorldSession, quaternion_of, signed_angle, three_components
+from ninedisk.harness.engines.world import WorldSession, from_z, quaternion_of, signed_angle, three_components
 
 ENGINE_VERSION = version("pybullet")
 
 _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
+
+BOX_SWEEPS = 10
+"""Sweeps over the contacts of a scene with boxes, in units of those of spheres: the corners of a face share one load, and 200 sweeps leave
+a third of it in a step."""
 
 
 class BulletSession(WorldSession):
@@ -57,9 +65,12 @@ class BulletSession(WorldSession):
         bodies = scene.bodies
         radii = bodies.radius
         self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) and not stock else 1.0
-        self.inflate = 0.5 * touch if len(bodies) > 1 else 0.0
+        self.solid = has_boxes(scene)
+        # Two boxes touch where they overlap, spheres and planes within the threshold.
+        self.inflate = 0.5 * touch if len(bodies) > 1 or self.solid else 0.0
+        self.reach = wall_reach(scene, numerics, "Bullet") if self.solid else 0.0
         parameters = {
-            "numSolverIterations": options["bullet.iterations"],
+            "numSolverIterations": options["bullet.iterations"] * (BOX_SWEEPS if has_boxes(scene) else 1),
             "solverResidualThreshold": 0.0,
             "contactERP": options["bullet.contact_erp"],
             "contactBreakingThreshold": touch * self.unit,
@@ -94,8 +105,10 @@ class BulletSession(WorldSession):
         self.walls = [self._wall(k, friction[1][k], bounce[1][k]) for k in range(len(scene.walls))]
         self.number = {body: number for number, body in enumerate([*self.disks, *self.walls])}
 
-    def step(self, *, last: bool) -> None:  # noqa: ARG002
+    def step(self, *, last: bool) -> None:
         """Step the world, and follow the rotations: Bullet knows orientations, and moves bodies with the spins of the step's end."""
+        if last and self.solid:
+            self.centres = self._centres()  # contacts are found at the begin of a step
         self.world.stepSimulation()
         for i, body in enumerate(self.disks):
             if self.scene.dimension == 3:
@@ -107,7 +120,9 @@ class BulletSession(WorldSession):
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""
         for i, body in enumerate(self.disks):
-            position, _ = self.world.getBasePositionAndOrientation(body)
+            position, turn = self.world.getBasePositionAndOrientation(body)
+            if history.quaternion is not None:
+                history.quaternion[row, i] = turn[3], *turn[:3]
             velocity, spin = self.world.getBaseVelocity(body)
             size = history.x.shape[2]
             history.x[row, i], history.v[row, i] = np.array([position[:size], velocity[:size]]) / self.unit
@@ -116,8 +131,7 @@ class BulletSession(WorldSession):
 
     def impulses(self) -> dict[Pair, FloatArray]:
         """Impulse [N s] of the last step on the first body of each touching pair."""
-        found: dict[Pair, FloatArray] = {}
-        size = self.scene.dimension
+        sums, size = ContactSums(self.scene), self.scene.dimension
         for contact in self.world.getContactPoints():
             one, two = self.number[contact[1]], self.number[contact[2]]
             # Bullet's normal points from its second body to its first; its forces act on the first.
@@ -125,9 +139,16 @@ class BulletSession(WorldSession):
             on_first = sum((force * np.array(direction[:size]) for force, direction in parts), np.zeros(size)) * (
                 self.dt / self.unit
             )
-            pair = (min(one, two), max(one, two))
-            found[pair] = found.get(pair, np.zeros(size)) + (on_first if one < two else -on_first)
-        return found
+            if self.solid:
+                sums.add(one, two, on_first, np.array(contact[5]) / self.unit, self.centres)
+            else:
+                sums.add(one, two, on_first)
+        self.moments = sums.moments
+        return sums.impulses
+
+    def _centres(self) -> FloatArray:
+        """Centres of all bodies [m]."""
+        return np.array([self.world.getBasePositionAndOrientation(body)[0] for body in self.disks]) / self.unit
 
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Set a wall's pose and its chord velocity over the coming step."""
@@ -164,17 +185,24 @@ class BulletSession(WorldSession):
 
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.bodies
-        radius = self.unit * (float(disks.radius[i]) + self.inflate)
-        shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
+        turn = [0.0, 0.0, 0.0, 1.0]
+        if self.solid:
+            turn = [*disks.quaternion[i][1:].tolist(), float(disks.quaternion[i][0])]
+        if self.solid and disks.boxes[i]:
+            half = (self.unit * (disks.half_sizes[i] + self.inflate)).tolist()
+            shape = self.world.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+        else:
+            radius = self.unit * (float(disks.radius[i]) + self.inflate)
+            shape = self.world.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius)
         place = three_components(self.unit * disks.x[i])
         # A body without mass is Bullet's static one.
         mass = 0.0 if self.fixed[i] or i in self.driven else float(disks.mass[i])
-        body: int = self.world.createMultiBody(mass, shape, basePosition=place)
-        inertia = self.unit**2 * float(disks.inertia[i]) if disks.rotating[i] else 0.0
+        body: int = self.world.createMultiBody(mass, shape, basePosition=place, baseOrientation=turn)
+        inertia = self.unit**2 * np.full(3, disks.inertia[i]) if disks.rotating[i] else np.zeros(3)
         self.world.changeDynamics(
             body,
             -1,
-            localInertiaDiagonal=[inertia] * 3,
+            localInertiaDiagonal=inertia.tolist(),
             lateralFriction=friction,
             restitution=restitution,
             rollingFriction=0.0,
@@ -186,7 +214,10 @@ class BulletSession(WorldSession):
 
     def _wall(self, k: int, friction: float, restitution: float) -> int:
         wall = self.scene.walls[k]
-        shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three_components(wall.normal))
+        if self.solid:
+            shape = self._wide_box(np.array(wall.normal))
+        else:
+            shape = self.world.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=three_components(wall.normal))
         body: int = self.world.createMultiBody(
             0.0, shape, basePosition=three_components([self.unit * c for c in wall.point])
         )
@@ -198,6 +229,17 @@ class BulletSession(WorldSession):
             **self._resistances(k),
         )
         return body
+
+    def _wide_box(self, normal: FloatArray) -> int:
+        """A box one of whose faces is the wall."""
+        reach, (w, x, y, z) = self.unit * self.reach, from_z(normal)
+        shape: int = self.world.createCollisionShape(
+            pybullet.GEOM_BOX,
+            halfExtents=[reach] * 3,
+            collisionFramePosition=((self.unit * self.inflate - reach) * normal).tolist(),
+            collisionFrameOrientation=[x, y, z, w],
+        )
+        return shape
 
     def _resistances(self, k: int) -> dict[str, float]:
         """Lengths that times fn are a wall's torques, in Bullet's unit, over the spheres' share of the friction."""

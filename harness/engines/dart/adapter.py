@@ -24,6 +24,7 @@ CAPABILITIES = (OF_RIGID - {Capability.FIXED_DISKS}) | {
     Capability.DISK_INERTIA,
     Capability.BODY_FORCES,
     Capability.SPHERES,
+    Capability.BOXES,
 }
 
 NO_SPRINGS = "https://dartsim.github.io/dart/v6.13.2/"
@@ -71,7 +72,7 @@ class DartEngine(RigidPackageEngine):
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
-    capabilities_3d = OF_RIGID_SPHERES
+    capabilities_3d = OF_RIGID_SPHERES | {Capability.BOXES}
     distribution = "dartpy"
     facts = FACTS
 

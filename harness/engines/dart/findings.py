@@ -1,7 +1,12 @@
 """What DART is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import creeps_at_rest, elastic_bounces_grow, overlap_of_impact_stays
+from ninedisk.harness.api.shared_findings import (
+    creeps_at_rest,
+    elastic_bounces_grow,
+    free_rotation_gains,
+    overlap_of_impact_stays,
+)
 
 FINDINGS = (
     Finding(
@@ -23,6 +28,25 @@ FINDINGS = (
     ),
     elastic_bounces_grow("dart", "6.20.0"),
     overlap_of_impact_stays("dart", "6.20.0"),
+    free_rotation_gains("dart", "6.20.0"),
+    Finding(
+        id="dart/missed-tolerance-gives-a-pyramid",
+        versions="6.20.0",
+        what=(
+            "A step in which Gauss-Seidel misses its tolerance is solved anew by dantzig, without a word: for that step friction is a "
+            "pyramid, and a box that should stand near its tipping gets a spin."
+        ),
+        size=Size(
+            case="box/incline",
+            variant="mu=0.8,slope_deg=20,aspect=0.38,turned_deg=0",
+            quantity="turning",
+            truth="analytic",
+            over=1e-5,
+            fails=True,
+            over_why="contacts give way by 1e-5, at a corner six times as much, of 2 m/s over 0.2 m",
+        ),
+        command="ninedisk run box/incline --engine dart --set mu=0.8 --set aspect=0.38",
+    ),
     creeps_at_rest("dart", "6.20.0", "Friction is regularised (constraint force mixing)"),
     Finding(
         id="dart/arm-less-the-overlap",

@@ -17,6 +17,7 @@ from typing import Any
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
@@ -42,6 +43,7 @@ RIGID = frozenset(
         Capability.BLOCKED_ROTATION,
         Capability.DISK_INERTIA,
         Capability.SPHERES,
+        Capability.BOXES,
     }
 )
 """Of the discrete plants: their walls rest, and all they know of impacts is dissipation.
@@ -186,6 +188,10 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         found = stiffness_refusals(scene) + prescribed_spins(scene, "Drake")
         if scene.dimension == 3 and len(scene.bodies) > MOST_SPHERES:
             found.append(f"Drake ends with a segmentation fault where more than {MOST_SPHERES} spheres rest on a plane")
+        if has_boxes(scene) and len(scene.bodies) > 1:
+            found.append(
+                "Drake's point contact has one point between a box and another body: here boxes are alone, on walls that meet their corners"
+            )
         if between is not None and any(0.5 * wall.law.mu >= 2.0 * between > 0.0 for wall in scene.walls):
             found.append(
                 "Drake gives a pair the harmonic mean of its bodies' friction: that of a wall must be below twice the "

@@ -1,7 +1,7 @@
 """What Drake is known to do otherwise; see `ninedisk.harness.api.finding`."""
 
 from ninedisk.harness.api.finding import Finding, Size
-from ninedisk.harness.api.shared_findings import creeps_at_rest, overlap_of_impact_stays
+from ninedisk.harness.api.shared_findings import creeps_at_rest, free_rotation_gains, overlap_of_impact_stays
 
 FINDINGS = (
     Finding(
@@ -57,6 +57,8 @@ FINDINGS = (
         command="ninedisk run incline-block --engine drake-lagged --set mu=0.36 --set dt=0.01 --set preload=false --set kn=1e8",
     ),
     overlap_of_impact_stays("drake-lagged", "1.51.1"),
+    free_rotation_gains("drake-sap", "1.51.1"),
+    free_rotation_gains("drake-lagged", "1.51.1"),
     creeps_at_rest(
         "drake-sap",
         "1.51.1",

@@ -83,7 +83,8 @@ class DrakeSession:
         """Copy the state, and the contact forces at this very time."""
         copy_state(self.world, history, row, self.done)
         pose = self.poses(self.done * self.dt)
-        write_contacts(self.scene, history, row, pose, self.world.forces(), 1.0)  # forces, as impulses of one second
+        forces = self.world.forces(history.x[row]).impulses  # as impulses of one second
+        write_contacts(self.scene, history, row, pose, forces, 1.0)
 
     def _drive_walls(self, begin: float, end: float) -> None:
         """Exact positions at ``begin``, and the velocities of the coming step; once more when the last motion has ended."""
@@ -108,6 +109,7 @@ class SapSession:
         stock = options[f"{engine}.profile"] == "stock"
         touch = 0.0 if stock else touch_length(scene, numerics, "Drake")
         self.poses, self.angle = poses_of(scene), np.zeros_like(scene.bodies.omega)
+        self.centres = np.array(scene.bodies.x)
         self.world = DrakeWorld(
             scene,
             time_step=self.dt,
@@ -138,7 +140,9 @@ class SapSession:
     def advance(self, n_steps: int) -> None:
         """Step the plant; sum the spins of spheres: Drake moves bodies with those of the step's end."""
         flat = self.scene.dimension == 2
-        for _ in range(1 if flat else n_steps):
+        for remaining in range(1 if flat else n_steps, 0, -1):
+            if remaining == 1:
+                self.centres = self.world.state()[0]  # contacts are found at the begin of a step
             self.done += n_steps if flat else 1
             self.world.simulator.AdvanceTo(self.done * self.dt)
             if not flat:
@@ -149,8 +153,12 @@ class SapSession:
         copy_state(self.world, history, row, self.done)
         if self.scene.dimension == 3:
             history.angle[row] = self.angle
-        impulses = {pair: force * self.dt for pair, force in self.world.forces().items()} if self.done else None
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, self.dt)
+            if history.quaternion is not None:
+                history.quaternion[row] = self.world.quaternions()
+        sums = self.world.forces(self.centres) if self.done else None
+        impulses, moments = (sums.impulses, sums.moments) if sums else (None, None)
+        # Forces, as impulses of one second.
+        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), impulses, 1.0, moments)
 
 
 class LaggedSession(SapSession):

@@ -4,6 +4,8 @@
   on a floating joint, or on three prismatic ones.
 - Point contacts of two geometries act as their stiffnesses in series, and friction is twice that of the coefficients: see
   `shares_in_series`.
+- A box meets walls with its eight corners, tiny spheres as models that come with Drake have them: Drake's point contact gives a box one
+  point on a plane, where it is deepest.
 - Walls do not meet each other; a wall that moves is a separate body, of a mass that no disk can disturb.
 """
 
@@ -23,7 +25,7 @@ from pydrake.geometry import (
     ProximityProperties,
     Sphere,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
@@ -32,6 +34,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import (
     BodyIndex,
+    FixedOffsetFrame,
     PlanarJoint,
     PrismaticJoint,
     QuaternionFloatingJoint,
@@ -41,9 +44,10 @@ from pydrake.multibody.tree import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from ninedisk.core.history import Pair
 from ninedisk.core.scene import Scene, SphereScene
-from ninedisk.harness.engines.world import three_components
+from ninedisk.harness.api.boxes import has_boxes, rotation_matrix
+from ninedisk.harness.engines.boxes import CORNERS, ContactSums
+from ninedisk.harness.engines.world import quaternion_of, three_components
 
 ENGINE_VERSION = version("drake")
 
@@ -133,6 +137,7 @@ class DrakeWorld:
             plant.set_discrete_contact_approximation(APPROXIMATIONS[approximation])
         plant.mutable_gravity_field().set_gravity_vector(three_components(scene.gravity))
         self.number: dict[int, int] = {}
+        self.solid = has_boxes(scene)
         self.disks = [self._disk(i, surfaces, blocked, inflate) for i in range(len(scene.bodies))]
         self.prescribed = plant.AddModelInstance("walls")
         plant.set_gravity_enabled(self.prescribed, False)  # no weight, or walls would fall with their immovable mass
@@ -158,18 +163,24 @@ class DrakeWorld:
         bodies = self.scene.bodies
         return columns if columns else (bodies.x, bodies.v, bodies.omega, bodies.omega)
 
-    def forces(self) -> dict[Pair, NDArray[np.float64]]:
-        """Force [N] on the first body of each touching pair."""
+    def forces(self, centres: NDArray[np.float64]) -> ContactSums:
+        """Forces [N] on the first body of each touching pair; ``centres`` of all bodies where the contacts were found [m]."""
         results = self.plant.get_contact_results_output_port().Eval(self.context)
-        found: dict[Pair, NDArray[np.float64]] = {}
-        size = self.scene.dimension
+        sums, size = ContactSums(self.scene), self.scene.dimension
         for c in range(results.num_point_pair_contacts()):
             contact = results.point_pair_contact_info(c)
             one, two = (self.number[int(index)] for index in (contact.bodyA_index(), contact.bodyB_index()))
-            on_second = np.array(contact.contact_force()[:size])
-            pair = (min(one, two), max(one, two))
-            found[pair] = found.get(pair, np.zeros(size)) + (on_second if one > two else -on_second)
-        return found
+            sums.add(two, one, np.array(contact.contact_force()[:size]), np.array(contact.contact_point()), centres)
+        return sums
+
+    def quaternions(self) -> NDArray[np.float64]:
+        """Rotations of the bodies of a scene with boxes, shape (n, 4)."""
+        found = []
+        for number, index in sorted((number, index) for index, number in self.number.items()):
+            if number < len(self.scene.bodies):
+                pose = self.plant.get_body(BodyIndex(index)).EvalPoseInWorld(self.context)
+                found.append(quaternion_of(pose.rotation().matrix()))
+        return np.array(found)
 
     def drive(self, k: int, point: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
         """Put a wall's point somewhere [m] and give it a velocity [m/s]."""
@@ -177,18 +188,23 @@ class DrakeWorld:
 
     def _disk(self, i: int, surfaces: Surfaces, blocked: bool, inflate: float) -> Any:
         disks, plant = self.scene.bodies, self.plant
-        mass, inertia = float(disks.mass[i]), float(disks.inertia[i])
-        unit = inertia / mass
-        body = plant.AddRigidBody(f"disk {i}", SpatialInertia(mass, np.zeros(3), UnitInertia(unit, unit, unit)))
+        mass, inertia = float(disks.mass[i]), np.full(3, disks.inertia[i])
+        body = plant.AddRigidBody(f"disk {i}", SpatialInertia(mass, np.zeros(3), UnitInertia(*(inertia / mass))))
         self.number[int(body.index())] = i
-        sphere = Sphere(float(disks.radius[i]) + inflate)
-        plant.RegisterCollisionGeometry(body, RigidTransform(), sphere, f"disk {i}", surfaces.properties(None))
+        if self.solid and disks.boxes[i]:
+            for c, corner in enumerate(CORNERS * disks.half_sizes[i]):
+                tip = Sphere(inflate)
+                pose, name = RigidTransform(corner), f"disk {i} corner {c}"
+                plant.RegisterCollisionGeometry(body, pose, tip, name, surfaces.properties(None))
+        else:
+            sphere = Sphere(float(disks.radius[i]) + inflate)
+            plant.RegisterCollisionGeometry(body, RigidTransform(), sphere, f"disk {i}", surfaces.properties(None))
         if blocked and not disks.rotating[i]:
             return _SlidingJoint(plant, body, f"disk {i}", self.scene)
         if isinstance(self.scene, SphereScene):
-            return _FloatingJoint(plant, body, f"disk {i}")
+            return _FloatingJoint(plant, body, f"disk {i}", self.scene.spheres.quaternion[i])
         xi = self.scene.xi
-        turning = xi * inertia if disks.rotating[i] else 0.0
+        turning = xi * float(inertia[2]) if disks.rotating[i] else 0.0
         return _TurningJoint(plant, body, f"disk {i}", [xi * mass, xi * mass, turning])
 
     def _wall(self, k: int, surfaces: Surfaces, driven: bool) -> Any:
@@ -227,12 +243,13 @@ class _TurningJoint:
 class _FloatingJoint:
     """A body that moves and turns in 3D."""
 
-    def __init__(self, plant: Any, body: Any, name: str) -> None:
+    def __init__(self, plant: Any, body: Any, name: str, quaternion: NDArray[np.float64]) -> None:
+        self.turned = RotationMatrix(rotation_matrix(quaternion))
         self.joint = plant.AddJoint(QuaternionFloatingJoint(name, plant.world_frame(), body.body_frame()))
 
     def set(self, context: Any, x: NDArray[np.float64], v: NDArray[np.float64], spin: Any) -> None:
-        """Set centre [m], velocity [m/s] and spin [rad/s]; it is as if it had not turned."""
-        self.joint.SetPose(context, RigidTransform(x))
+        """Set centre [m], velocity [m/s] and spin [rad/s], and the orientation of time 0."""
+        self.joint.SetPose(context, RigidTransform(self.turned, x))
         self.joint.set_translational_velocity(context, v)
         self.joint.set_angular_velocity(context, spin)
 
@@ -250,7 +267,11 @@ class _SlidingJoint:
         damping = scene.xi * body.default_mass() if isinstance(scene, Scene) else 0.0
         axes = "xyz"[: scene.dimension]
         carriers = [plant.AddRigidBody(f"{name} carrier {axis}", SpatialInertia.Zero()) for axis in axes[1:]]
-        frames = [plant.world_frame(), *(each.body_frame() for each in carriers), body.body_frame()]
+        own = body.body_frame()
+        if has_boxes(scene):  # moves along the axes of the scene, turned as at time 0
+            kept = RotationMatrix(rotation_matrix(scene.bodies.quaternion[int(name.split()[-1])]).T)
+            own = plant.AddFrame(FixedOffsetFrame(f"{name} kept", own, RigidTransform(kept)))
+        frames = [plant.world_frame(), *(each.body_frame() for each in carriers), own]
         self.still = np.zeros(3) if scene.dimension == 3 else 0.0
         self.joints = [
             plant.AddJoint(PrismaticJoint(f"{name} {axis}", frames[k], frames[k + 1], np.eye(3)[k], damping=damping))

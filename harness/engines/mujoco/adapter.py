@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
@@ -34,11 +35,17 @@ CAPABILITIES = frozenset(
         Capability.BODY_FORCES,
         Capability.SPHERES,
         Capability.TWISTING_CONSTANT,
+        Capability.BOXES,
     }
 )
 """Walls of 2D do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
 
-CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.MATERIALS, Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT}
+CAPABILITIES_3D = OF_RIGID_SPHERES | {
+    Capability.MATERIALS,
+    Capability.ROLLING_CONSTANT,
+    Capability.TWISTING_CONSTANT,
+    Capability.BOXES,
+}
 """Walls of 3D that move are boxes on joints, of an inertia beyond the reach of any force."""
 
 SHARED_CONE = (
@@ -133,6 +140,10 @@ class MuJoCoEngine(RigidPackageEngine):
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""
         pairs = len(scene.bodies) * (len(scene.bodies) - 1) // 2
         refused = partly_held(scene, "MuJoCo") if isinstance(scene, SphereScene) else []
+        if has_boxes(scene) and any(law.restitution for law in scene.laws_in_use):
+            refused.append(
+                "at the low impedance of this adapter the restitution of a box would depend on where it is hit: boxes have none here"
+            )
         if pairs <= MOST_PAIRS:
             return refused
         return (

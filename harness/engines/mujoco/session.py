@@ -22,6 +22,8 @@ In 3D:
   can change. After each substep its orientation is undone, which a sphere does not show: spins are then those of the scene's axes.
 - A wall that moves is a face of a box on such joints, of a mass and an inertia that nothing can change, and without weight; so is a sphere
   whose whole motion is prescribed. Bodies whose pose alone is prescribed (mocap) meet contacts as if they were at rest.
+- A box is a geom of that shape, whose contacts have less damping each, see `MuJoCoSession.contacts_at_once`; its orientation is kept,
+  and its spin turned from the body's frame to the scene's after each substep.
 - Resistances to twisting and rolling of the model "constant" are MuJoCo's own, of a contact of four or six dimensions: all share one
   cone with the friction, and twisting has a coefficient of 1e-5 m at least where there is rolling.
 """
@@ -42,7 +44,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw
 from ninedisk.core.validate import FloatArray
+from ninedisk.harness.api.boxes import has_boxes, quaternion_product, rotation_matrix
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.engines.boxes import CORNERS, ContactSums
 from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.mujoco.adapter import OPTIONS
 from ninedisk.harness.engines.world import (
@@ -123,6 +127,7 @@ class MuJoCoSession:
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
         self.impulses: dict[Pair, list[float]] = {}
+        self.sums = ContactSums(scene)
         self.wrench = np.zeros(6)
         self.number = {
             mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, _name(k)): k for k in range(scene.n_bodies)
@@ -136,11 +141,15 @@ class MuJoCoSession:
         moving = [*self.free, *(len(bodies) + k for k in self.boxes)]
         self.joints = {b: self._joint(b) for b in moving}
         self.turning = [i for i in self.free if turns[i]]
+        self.solids = [i for i in self.turning if has_boxes(self.scene) and bodies.boxes[i]]
+        self.body_ids = [self.model.body(_name(i)).id if i in self.joints else 0 for i in range(len(bodies))]
         self.angle = np.zeros_like(bodies.omega)
         self.turned: list[tuple[slice, FloatArray]] = []
         for i in self.free:
             dof, omega = self.joints[i][1], np.atleast_1d(bodies.omega[i])
             self.data.qvel[dof : dof + self.size] = bodies.v[i]
+            if i in self.solids:  # a ball joint keeps the spin in the body's frame; a sphere's is that of the scene
+                omega = rotation_matrix(bodies.quaternion[i]).T @ omega
             if turns[i]:
                 self.data.qvel[dof + 3 : dof + 3 + len(omega)] = omega
         places, dofs = (np.array([self.joints[i][k] + 3 for i in self.turning], dtype=int) for k in (0, 1))
@@ -176,24 +185,38 @@ class MuJoCoSession:
     def _advance_3d(self, n_steps: int) -> None:
         """Step the model; impulses are summed over the substeps of the last step only."""
         model, data, step, h = self.model, self.data, mujoco.mj_step, self.h
-        place, velocity, upright = data.qpos, data.qvel, np.tile(_UPRIGHT, (len(self.turning), 1))
+        round_ones = [k for k, i in enumerate(self.turning) if i not in self.solids]
+        quaternions = self.quaternions[round_ones]
+        place, velocity, upright = data.qpos, data.qvel, np.tile(_UPRIGHT, (len(round_ones), 1))
+        solids = [(k, i) for k, i in enumerate(self.turning) if i in self.solids]
         angle, turn = self.angle[self.turning], np.empty((len(self.turning), 3))
         for remaining in range(n_steps, 0, -1):
             self._prescribe()
             self.impulses.clear()
+            self.sums = ContactSums(self.scene)
             for _ in range(self.substeps):
                 step(model, data)
                 for dofs, rotation in self.turned:  # the velocity of a point off the axis turns within the step
                     velocity[dofs] = rotation @ velocity[dofs]
                 if self.turning:
                     velocity.take(self.spins, out=turn, mode="clip")
+                    for k, i in solids:
+                        turn[k] = rotation_matrix(self._quaternion(i)) @ turn[k]
                     turn *= h
                     angle += turn
-                    place[self.quaternions] = upright
+                    place[quaternions] = upright
                 if remaining == 1:
                     self._add_impulses()
             self.done += 1
         self.angle[self.turning] = angle
+
+    def _quaternion(self, i: int) -> FloatArray:
+        """Orientation of a body now; a joint's is relative to the one that the model was made with."""
+        start = np.array(self.scene.spheres.quaternion[i])
+        if i not in self.solids:
+            return start
+        place = self.joints[i][0] + 3
+        return quaternion_product(start, np.array(self.data.qpos[place : place + 4]))
 
     def _prescribe(self) -> None:
         """Put moving walls and spheres where they are, with the velocities of the coming step."""
@@ -228,6 +251,11 @@ class MuJoCoSession:
             history.v[row, i] = velocity[dof : dof + size]
         if size == 3:
             history.omega[row, self.turning] = velocity[self.spins]
+            if history.quaternion is not None:
+                for i in range(len(bodies)):
+                    history.quaternion[row, i] = self._quaternion(i)
+                for i in self.solids:
+                    history.omega[row, i] = rotation_matrix(history.quaternion[row, i]) @ history.omega[row, i]
         else:  # all joints are scalar, so that one index serves positions and velocities
             history.omega[row, self.turning] = velocity[self.hinges]
             history.angle[row, self.turning] = position[self.hinges]
@@ -235,10 +263,13 @@ class MuJoCoSession:
         self._check_warnings()
         if self.driven:
             write_driven(self.scene, history, row, self.done * self.dt)
-        write_contacts(self.scene, history, row, self.poses(self.done * self.dt), self.summed_impulses(), self.dt)
+        pose, impulses = self.poses(self.done * self.dt), self.summed_impulses()
+        write_contacts(self.scene, history, row, pose, impulses, self.dt, self.sums.moments)
 
     def summed_impulses(self) -> dict[Pair, FloatArray] | None:
         """Impulses of the last step; None before the first."""
+        if self.sums.moments is not None:
+            return self.sums.impulses if self.done else None
         return {pair: np.array(total) for pair, total in self.impulses.items()} if self.done else None
 
     def _push(self, step: int) -> None:
@@ -260,6 +291,9 @@ class MuJoCoSession:
             # Rows of the frame are normal and tangents; the force acts on the second geom.
             impulse = (force @ frames[c]).tolist()
             one, two = self.number[first], self.number[second]
+            if self.sums.moments is not None:  # bodies are where the contacts were found until the next substep
+                self.sums.add(two, one, self.h * np.array(impulse), contact.pos[c], self._centres())
+                continue
             pair, sign = ((one, two), -self.h) if one < two else ((two, one), self.h)
             total = self.impulses.get(pair)
             if total is None:
@@ -267,15 +301,35 @@ class MuJoCoSession:
             for k in range(size):
                 total[k] += sign * impulse[k]
 
+    def _centres(self) -> FloatArray:
+        """Centres of all bodies where the contacts of the last substep were found [m]."""
+        centres = np.array(self.scene.spheres.x)
+        centres[self.free] = self.data.xpos[[self.body_ids[i] for i in self.free]]
+        return centres
+
     def _check_warnings(self) -> None:
         """Raise where MuJoCo has warned: a full buffer or a bad state is no result."""
         for name, warning in mujoco.mjtWarning.__members__.items():
             if name.startswith("mjWARN_") and self.data.warning[int(warning)].number:
                 raise EngineError(f"MuJoCo warned of {name} by step {self.done}; reduce dt")
 
-    def _solref(self, law: ContactLaw | SphereLaw) -> list[float]:
+    def contacts_at_once(self, pair: Pair) -> tuple[float, float]:
+        """By how much the contacts of a pair together respond more than one at the centres, to normal forces and to friction.
+
+        1 for spheres. At a low impedance the dampers of a box's contacts act side by side, each with its full part of the velocity: each
+        has that much less damping, or a substep would reverse the velocity.
+        """
+        bodies = self.scene.bodies
+        solid = [i for i in pair if i < len(bodies) and bodies.boxes[i]] if has_boxes(self.scene) else []
+        if not solid:
+            return 1.0, 1.0
+        found = np.max([face_response(bodies.half_sizes[i], bodies.inertia[i] / bodies.mass[i]) for i in solid], axis=0)
+        normal, shear = found * (1.0 if len(solid) == 1 else 2.0)  # two faces have up to eight common corners
+        return float(normal), float(shear)
+
+    def _solref(self, law: ContactLaw | SphereLaw, at_once: float = 1.0) -> list[float]:
         """Stiffness [1/s^2] and damping [1/s] of a contact's oscillator, negative as MuJoCo wants them."""
-        restitution, damping = law.restitution or 0.0, 1.0 / self.h
+        restitution, damping = law.restitution or 0.0, 1.0 / (self.h * at_once)
         if restitution > 0.0:
             damping = min(2.0 * beta_of_restitution(restitution) * self.omega, damping)
         return [-(self.omega**2), -damping]
@@ -321,16 +375,21 @@ class MuJoCoSession:
     def _add_disk(self, spec: Any, i: int) -> None:
         bodies = self.scene.bodies
         mass, radius, place = float(bodies.mass[i]), float(bodies.radius[i]), three_components(bodies.x[i])
-        sphere = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
+        shape = {"name": _name(i), "type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
+        turn: Any = _UPRIGHT
+        if self.size == 3:
+            turn = bodies.quaternion[i].tolist()
+            if bodies.boxes[i]:
+                shape |= {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": bodies.half_sizes[i].tolist()}
         if self.fixed[i]:
-            spec.worldbody.add_geom(pos=place, contype=0, conaffinity=0, **sphere)
+            spec.worldbody.add_geom(pos=place, quat=turn, contype=0, conaffinity=0, **shape)
             return
         driven, turns = i in self.driven, bool(bodies.rotating[i]) or bool(np.any(bodies.omega[i]))
-        inertia = float(bodies.inertia[i]) if bodies.rotating[i] else _BLOCKED * mass * radius**2
-        if driven:
-            mass, inertia = _PRESCRIBED * mass, _PRESCRIBED * float(bodies.inertia[i])
-        body = self._body(spec, _name(i), place, mass, inertia, turns=turns, weightless=driven)
-        body.add_geom(contype=0, conaffinity=0, **sphere)
+        inertia = np.full(3, bodies.inertia[i]) if bodies.rotating[i] else np.full(3, _BLOCKED * mass * radius**2)
+        if driven:  # the same about all axes: it keeps its spin
+            mass, inertia = _PRESCRIBED * mass, np.full(3, _PRESCRIBED * float(np.max(bodies.inertia[i])))
+        body = self._body(spec, _name(i), place, mass, inertia, turns=turns, weightless=driven, turn=turn)
+        body.add_geom(contype=0, conaffinity=0, **shape)
 
     def _add_wall(self, spec: Any, k: int) -> None:
         wall, name, half = self.scene.walls[k], _name(len(self.scene.bodies) + k), math.sqrt(0.5)
@@ -343,24 +402,37 @@ class MuJoCoSession:
             spec.worldbody.add_geom(name=name, quat=facing, contype=0, conaffinity=0, **shape)
             return
         mass = _PRESCRIBED * float(self.scene.bodies.mass.max(initial=1e-300))
-        body = self._body(spec, name, wall.point, mass, mass * self.reach**2, turns=True, weightless=True)
+        inertia = np.full(3, mass * self.reach**2)
+        body = self._body(spec, name, wall.point, mass, inertia, turns=True, weightless=True)
         box, middle = mujoco.mjtGeom.mjGEOM_BOX, -self.reach * np.array(wall.normal)
         body.add_geom(name=name, type=box, pos=middle, quat=facing, size=[self.reach] * 3, contype=0, conaffinity=0)
 
     def _body(
-        self, spec: Any, name: str, place: Any, mass: float, inertia: float, *, turns: bool, weightless: bool
+        self,
+        spec: Any,
+        name: str,
+        place: Any,
+        mass: float,
+        inertia: FloatArray,
+        *,
+        turns: bool,
+        weightless: bool,
+        turn: Any = _UPRIGHT,
     ) -> Any:
         """A body on three slides and, where it turns, a hinge about z or in 3D a ball joint."""
         body = spec.worldbody.add_body(
             name=name,
             pos=place,
+            quat=turn,
             mass=mass,
-            inertia=[inertia] * 3,
+            inertia=inertia.tolist(),
             ipos=[0.0] * 3,
             explicitinertial=True,
             gravcomp=float(weightless),
         )
-        for axis in np.eye(3):
+        for axis in rotation_matrix(
+            np.array(turn)
+        ):  # of a joint in the body's frame: its rows there are the axes of the scene
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
         if turns and self.size == 2:
             body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 0.0, 1.0])
@@ -384,17 +456,37 @@ class MuJoCoSession:
         if self.stock:
             spec.add_pair(geomname1=_name(pair[0]), geomname2=_name(pair[1]), condim=condim, friction=friction)
             return
+        normal, shear = self.contacts_at_once(pair)
         spec.add_pair(
             geomname1=_name(pair[0]),
             geomname2=_name(pair[1]),
             condim=condim,
             friction=friction,
-            solref=self._solref(law),
-            solreffriction=[0.0, -self.slip_damping],
+            solref=self._solref(law, normal),
+            solreffriction=[0.0, -self.slip_damping / shear],
             solimp=[impedance, impedance, 1.0, 0.5, 2.0],
             margin=0.0,
             gap=0.0,
         )
+
+
+def face_response(half: FloatArray, inertia: FloatArray) -> tuple[float, float]:
+    """Largest response of a box to forces at the four corners of a face, over that of its centre: to normal forces, and to friction.
+
+    Parameters
+    ----------
+    half : array, shape (3,)
+        Half the edges [m].
+    inertia : array, shape (3,)
+        Moments of inertia over the mass [m^2].
+    """
+    largest = [1.0, 1.0]
+    for face in range(3):
+        corners = half * CORNERS[CORNERS[:, face] < 0.0]
+        for k, directions in enumerate((np.eye(3)[[face]], np.delete(np.eye(3), face, axis=0))):
+            rows = np.array([[*d, *(np.cross(corner, d) / np.sqrt(inertia))] for corner in corners for d in directions])
+            largest[k] = max(largest[k], float(np.linalg.eigvalsh(rows @ rows.T)[-1]))
+    return largest[0], largest[1]
 
 
 def _name(body: int) -> str:

@@ -109,6 +109,17 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("impact/two-disks", {"across": -1.2, "restitution": 0.5}, "spin after the impact", math.nan),
     ("contact/cluster", {}, "motion of unequal disks", 0.0),
     ("contact/orbit", {}, "shear after several revolutions", -2.0 * math.pi * 3 * (0.4 * 1.3 + 0.5 * 0.5 - 0.24)),
+    (
+        "box/incline",
+        {"mu": 0.35},
+        "distance of a box down the incline",
+        0.5 * G * (math.sin(ANGLE) - 0.35 * math.cos(ANGLE)) * 0.2**2,
+    ),
+    ("box/incline", {"mu": 0.38}, "centre of pressure under a box", 0.5 * math.tan(ANGLE)),
+    ("box/incline", {"mu": 0.35}, "centre of pressure under a box", 0.35 * 0.5),
+    ("box/incline", {"mu": 0.8, "aspect": 0.35}, "distance of a box down the incline", math.nan),
+    ("box/stop", {}, "stopping distance of a box", 0.375),
+    ("box/free", {}, "energy of a free rotation", 1.0),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 

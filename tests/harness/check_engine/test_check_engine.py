@@ -91,6 +91,14 @@ def laws(**values: Any) -> Change:
     return plain(edit)
 
 
+def as_spheres(scene: SphereScene) -> SphereScene:
+    """Boxes replaced by the spheres that enclose them."""
+    spheres = scene.spheres
+    if not spheres.boxes.any():
+        return scene
+    return scene.replace(spheres=replace(spheres, half_sizes=None, quaternion=None, inertia=spheres.inertia[:, 0]))
+
+
 def disks(**values: Any) -> Change:
     return plain(lambda data: data["disks"].update({k: [v] * len(data["disks"]["x"]) for k, v in values.items()}))
 
@@ -323,6 +331,15 @@ PLANTED = {
         "friction_loss is",
     ),
     "axes of its own": ("supports: SPHERES", Planted(answer=history(omega=lambda w: w[..., ::-1])), "omega is"),
+    "spheres for boxes": (
+        "supports: BOXES",
+        Planted(
+            facts={"capabilities": DemEngine().info().capabilities | {Capability.BOXES}},
+            scene=as_spheres,
+            support=EXACT,
+        ),
+        "gap is",
+    ),
     "a plane for a sphere": (
         "supports: SPHERES",
         Planted(answer=history(wall_force=np.negative)),

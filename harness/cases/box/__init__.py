@@ -1,0 +1,1 @@
+"""Boxes on planes and in flight."""

@@ -1,0 +1,130 @@
+"""A box on a plane: its scene, what is seen of it, and what any engine may be off by."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ninedisk.core.history import History
+from ninedisk.core.law import SphereLaw
+from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.harness.api.boxes import rotation_matrix
+from ninedisk.harness.api.case import FloatArray
+from ninedisk.harness.api.engine import Difference, EngineInfo
+from ninedisk.harness.cases.common import contact_softness, single, slack_time
+
+MASS, G, KN = 3.0, 10.0, 1e7
+"""Mass [kg], gravity [m/s^2], and the stiffness [N/m] of contacts that are no better than springs."""
+
+PAIR = (0, 1)
+
+
+class Frame(NamedTuple):
+    """Unit vectors of the plane: along what drives the box, across, and up."""
+
+    along: FloatArray
+    across: FloatArray
+    up: FloatArray
+
+
+def frame_at(angle: float) -> Frame:
+    """The frame whose first vector has this angle [rad] to the x axis."""
+    c, s = math.cos(angle), math.sin(angle)
+    return Frame(np.array([c, s, 0.0]), np.array([-s, c, 0.0]), np.array([0.0, 0.0, 1.0]))
+
+
+def about_z(angle: float) -> list[float]:
+    """Quaternion (w, x, y, z) of a turn about z [rad]."""
+    return [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
+
+
+def box_on_plane(*, half: Any, mu: float, yaw: float, gravity: FloatArray, v: FloatArray | None = None) -> SphereScene:
+    """One box that stands on the plane z = 0 with a face."""
+    law = SphereLaw(kn=KN, ks=KN, mu=mu, restitution=0.0, regularised=True)
+    box = Spheres(
+        x=np.array([[0.0, 0.0, half[2]]]),
+        mass=np.array([MASS]),
+        half_sizes=np.array([half]),
+        quaternion=np.array([about_z(yaw)]),
+        v=np.zeros((1, 3)) if v is None else v[None, :],
+    )
+    floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
+    x, y, z = gravity.tolist()
+    return SphereScene(spheres=box, sphere_sphere=law, walls=(floor,), gravity=(x, y, z))
+
+
+def seen(history: History, frame: Frame) -> dict[str, tuple[str, FloatArray]]:
+    """Series of a box on the plane.
+
+    ``down`` and ``across`` are displacements, ``speed`` that along the first vector of the frame, ``spin`` positive where the box tips
+    that way, ``turning`` the size of the other spins. ``fs`` is positive against the first vector.
+    """
+    x, v, omega = history.x[:, 0], history.v[:, 0], history.omega[:, 0]
+    moved = x - x[0]
+    return {
+        "down": ("m", moved @ frame.along),
+        "across": ("m", moved @ frame.across),
+        "speed": ("m/s", v @ frame.along),
+        "gap": ("m", history.gap[:, 0]),
+        "spin": ("rad/s", omega @ frame.across),
+        "turning": ("rad/s", np.hypot(omega @ frame.along, omega @ frame.up)),
+        "fn": ("N", history.fn[:, 0]),
+        "fs": ("N", 0.0 - history.fs[:, 0] @ frame.along),
+    }
+
+
+def pressure_centre(history: History, frame: Frame, begin: int) -> float:
+    """Where the plane presses from a sample on, along the first vector from below the centre of mass [m]; NaN where no moment is known.
+
+    The force ``(-fs, fn)`` at ``(p, -z)`` from the centre has the moment ``z fs - p fn`` about the second vector.
+    """
+    if history.moment is None:
+        return math.nan
+    moment = history.moment[begin:, 0] @ frame.across
+    height = history.x[begin - 1 : -1, 0] @ frame.up  # where the contacts of a step are found
+    fs, fn = 0.0 - history.fs[begin:, 0] @ frame.along, history.fn[begin:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.sum(height * fs - moment) / np.sum(fn))
+
+
+def turned_angle(history: History) -> FloatArray:
+    """Angle of the box's rotation since time 0 [rad]; NaN where no orientation is known."""
+    if history.quaternion is None:
+        return np.full(len(history.t), np.nan)
+    one, rest = history.quaternion[0, 0], history.quaternion[:, 0]
+    vector = rest[:, 1:] * one[0] - rest[:, :1] * one[1:] - np.cross(rest[:, 1:], one[1:])
+    angle: FloatArray = 2.0 * np.arctan2(np.linalg.norm(vector, axis=1), np.abs(rest @ one))
+    return angle
+
+
+def box_axes(history: History) -> FloatArray:
+    """Axes of the box's frame at each sample, as columns, shape (s, 3, 3); NaN where no orientation is known."""
+    if history.quaternion is None:
+        return np.full((len(history.t), 3, 3), np.nan)
+    return np.array([rotation_matrix(each) for each in history.quaternion[:, 0]])
+
+
+class Slack(NamedTuple):
+    """What a rigid box may be off by in any engine: a speed [m/s], a share of forces, an overlap [m]."""
+
+    speed: float
+    share: float
+    overlap: float
+
+
+def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> Slack:
+    """Round-off, and what soft contacts let through of a uniform box with these half edges.
+
+    A corner responds to a force by ``1 + r^2/I`` times as much as the centre at most, I the smallest moment of inertia over the mass: a
+    contact that is soft by a part of a sphere's response lets through that much more of the speed. Where the load is at one edge two
+    corners bear it, so that the overlap of a contact with the scene's stiffness is half the weight over it.
+    """
+    t_end = dt * n_steps
+    square = half**2
+    response = 1.0 + 3.0 * float(square.sum()) / float(square.sum() - square.max())
+    speed = response * G * slack_time(engine, dt) + 1e-10 * G * t_end + single(engine, G * t_end, n_steps)
+    keeps = Difference.KEEPS_KN in engine.differences
+    overlap = (0.5 * MASS * G / KN if keeps else 0.0) + speed * t_end + 1e-12
+    return Slack(speed, contact_softness(engine) + 1e-9 + single(engine, 1.0, 1), overlap)

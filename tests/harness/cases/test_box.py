@@ -1,0 +1,140 @@
+"""Cases of boxes: an engine that runs them passes, each check can fail, and planted defects are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ninedisk.core.history import History
+from ninedisk.core.scene import SphereScene
+from ninedisk.harness.api.case import Case, ParameterError
+from ninedisk.harness.api.engine import Engine
+from ninedisk.harness.api.params import resolve
+from ninedisk.harness.api.registry import get_case, get_engine
+from ninedisk.harness.cases.box.incline import start_of
+from ninedisk.harness.run.judge import headline_row
+
+MUJOCO = get_engine("mujoco")
+needs_mujoco = pytest.mark.skipif(not MUJOCO.info().installed, reason="MuJoCo is not installed")
+
+CASES = ("box/incline", "box/stop", "box/free")
+LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4}
+
+
+@pytest.mark.parametrize("case_id", CASES)
+@pytest.mark.parametrize("engine_id", ["mujoco", "bullet", "dart", "drake-sap", "drake-lagged", "cd"])
+def test_every_check_of_every_variant_can_fail(judge_history: Any, case_id: str, engine_id: str) -> None:
+    case, engine = get_case(case_id), get_engine(engine_id)
+    for params in case.matrix():
+        blank = judge_history(case, engine.info(), params, None)
+        assert len(blank.failures) == len(blank.checks) >= LEAST[case_id], params
+
+
+def spheres(**changes: Callable[[Any], Any]) -> Callable[[SphereScene], SphereScene]:
+    """A scene whose bodies are changed, by name."""
+
+    def change(scene: SphereScene) -> SphereScene:
+        made = {name: how(getattr(scene.spheres, name)) for name, how in changes.items()}
+        return scene.replace(spheres=replace(scene.spheres, **made))
+
+    return change
+
+
+def friction(factor: float) -> Callable[[SphereScene], SphereScene]:
+    """A scene with another friction."""
+    return lambda scene: scene.with_laws(lambda law: replace(law, mu=factor * law.mu))
+
+
+def as_square(half: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """As high as before, and as long as it is wide."""
+    return np.array([[half[0, 1], half[0, 1], half[0, 2]]])
+
+
+def reported(**changes: Callable[[Any], Any]) -> Callable[[History], History]:
+    """A history whose arrays are changed, by name."""
+    return lambda history: replace(history, **{name: how(getattr(history, name)) for name, how in changes.items()})
+
+
+def same(it: Any) -> Any:
+    """No change."""
+    return it
+
+
+SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
+DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
+    "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
+    "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
+    "a longer box": (
+        "box/incline",
+        TIPS,
+        spheres(half_sizes=as_square, radius=lambda _: None, inertia=lambda _: None),
+        same,
+    ),
+    "moments of inertia of other axes": ("box/incline", TIPS, spheres(inertia=lambda i: i[:, [1, 0, 2]]), same),
+    "orientation that is ignored": ("box/incline", TIPS, spheres(quaternion=lambda _: None), same),
+    "moments of the second body": ("box/incline", {"mu": 0.38}, same, reported(moment=lambda m: m + [0.0, 0.6, 0.0])),
+    "friction of another size": ("box/stop", STOPS, friction(1.02), same),
+    "a path that bends": ("box/stop", STOPS, same, reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]])),
+    "orientation that stays": ("box/free", TURNS, same, reported(quaternion=lambda q: np.broadcast_to(q[0], q.shape))),
+    "spins of the body's axes": ("box/free", TURNS, same, reported(omega=lambda w: w[..., [1, 2, 0]])),
+    "moments of inertia in another order": ("box/free", TURNS, spheres(inertia=lambda i: i[:, [1, 2, 0]]), same),
+    "quaternions with w last": ("box/free", TURNS, same, reported(quaternion=lambda q: q[..., [1, 2, 3, 0]])),
+}
+
+
+def judged(
+    judge_history: Any, case: Case, engine: Engine, params: Mapping[str, Any], defect: Any = (same, same)
+) -> Any:
+    """The judged cell of an engine that runs a changed scene, or answers otherwise."""
+    before, after = defect
+    setup = case.build(resolve(case, params).params)
+    history = engine.run(before(setup.scene), setup.numerics, setup.watch).history
+    return judge_history(case, engine.info(), params, after(history))
+
+
+@needs_mujoco
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_planted_defect_is_found(judge_history: Any, defect: str) -> None:
+    case_id, params, *changes = DEFECTS[defect]
+    case = get_case(case_id)
+    assert judged(judge_history, case, MUJOCO, params, changes).failures
+
+
+@needs_mujoco
+@pytest.mark.parametrize(
+    ("case_id", "params"), [("box/incline", SLIDES), ("box/incline", TIPS), ("box/stop", STOPS), ("box/free", TURNS)]
+)
+def test_an_engine_passes_and_is_near_the_physics(judge_history: Any, case_id: str, params: Mapping[str, Any]) -> None:
+    case = get_case(case_id)
+    assert judged(judge_history, case, MUJOCO, params).failures == []
+    resolved = resolve(case, params).params
+    setup = case.build(resolved)
+    observed = case.observe(resolved, setup, MUJOCO.run(setup.scene, setup.numerics, setup.watch).history)
+    for headline in case.headlines(resolved, setup, observed):
+        error = headline_row({}, headline, observed)["rel_error"]
+        assert np.isnan(headline.expected) or error < 0.01, headline.name
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"mu": 0.41, "aspect": 0.4, "slope_deg": 45.0},
+        {"mu": 0.8, "aspect": 0.5, "turned_deg": 60.0, "slope_deg": 40.0},
+        {"mu": 0.45, "slope_deg": 30.0, "aspect": 0.4, "duration": 3.0},
+        {"duration": 0.01},
+    ],
+)
+def test_what_has_no_closed_form_is_refused(params: Mapping[str, Any]) -> None:
+    case = get_case("box/incline")
+    with pytest.raises(ParameterError):
+        case.build(resolve(case, params).params)
+
+
+def test_the_matrix_has_both_sides_of_each_threshold() -> None:
+    case = get_case("box/incline")
+    modes = [start_of(resolve(case, params).params).mode for params in case.matrix()]
+    assert {mode: modes.count(mode) for mode in modes} == {"slides": 3, "stands": 3, "tips": 2}
