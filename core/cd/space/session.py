@@ -41,7 +41,7 @@ from ninedisk.core.validate import kind_of
 PROGRESS_EVERY = 0.1
 """Seconds between two reports of progress."""
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-8
 """Tolerance of a step where ``cd.tolerance`` is not given: forces of redundant contacts are known to hardly more digits."""
 
 
@@ -55,7 +55,7 @@ class SpaceSession:
     scene : SphereScene
     numerics : Numerics
         ``theta, impact, sliding`` and the options of `ninedisk.core.cd.settings` choose the method. ``cd.tolerance`` bounds the largest
-        relative error of the forces of a step, 1e-9 if it is not given.
+        relative error of the forces of a step, 1e-8 if it is not given.
     watch : sequence of pairs
         Contacts whose gap, ``fn``, ``fs`` and moment are recorded.
     particles : sequence of int or None
