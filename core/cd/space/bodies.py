@@ -123,9 +123,10 @@ class FreeStep:
 
         m (v1 - v0)/dt + xi m dx/dt = f,    (L1 - L0)/dt + xi (theta L1 + (1 - theta) L0) = torque
 
-    The body turns by ``dt w`` with ``w = I_m^-1 (theta L1 + (1 - theta) L0)``, ``I_m`` the inertia in the middle of the free motion: without
-    contacts that is the implicit midpoint rule (`ninedisk.core.cd.space.rotations.middle_of_step`). Contact velocities are those of
-    ``I_m^-1 L0`` and ``I_m^-1 L1``, so that the motion is linear in the forces. Forces change L by their moments exactly.
+    The body turns by ``dt w`` with ``w = I_m^-1 (theta L1 + (1 - theta) L0)``, ``I_m`` the inertia in the middle of the motion without
+    contacts. Where there are none that is the implicit midpoint rule (`ninedisk.core.cd.space.rotations.middle_of_step`). Contact
+    velocities are those of ``I_m^-1 L0`` and ``I_m^-1 L1``, so that the motion is linear in the forces. Forces change L by their moments
+    exactly.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from ninedisk.core.cd.contact_kernels import ROUND_OFF
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.space.walls import largest_displacement, material_shift
 from ninedisk.core.scene import Spheres
-from ninedisk.core.shapes import ConvexPolyhedron, Contacts, find_contacts, near_pairs, pack, place
+from ninedisk.core.shapes import Contacts, ConvexPolyhedron, find_contacts, near_pairs, pack, place
 
 FEATURES = 1024
 """Numbers of features of a body: more than `ninedisk.core.shapes.state.WHOLE`."""

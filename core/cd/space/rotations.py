@@ -85,7 +85,9 @@ def middle_of_step(q: FloatArray, moments: FloatArray, momentum: FloatArray, dt:
         spin = applied(turned_diagonal(middle, 1.0 / moments), momentum)
         middle = product(exponential(0.5 * dt * spin), q)
         size = np.sqrt(np.sum(spin**2, axis=1))
-        change = float((np.sqrt(np.sum((spin - before) ** 2, axis=1)) / np.where(size > 0.0, size, 1.0)).max(initial=0.0))
+        change = float(
+            (np.sqrt(np.sum((spin - before) ** 2, axis=1)) / np.where(size > 0.0, size, 1.0)).max(initial=0.0)
+        )
         if change <= CONVERGED or STALLED >= change >= last:
             return middle
         before, last = spin, change

@@ -6,7 +6,6 @@ import copy
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -20,6 +19,7 @@ from ninedisk.core.cd.solvers.by_matrix.cone import load_kernels
 from ninedisk.core.cd.space.bodies import FreeStep, first_state, solid_of
 from ninedisk.core.cd.space.contacts import ContactSearch, Place
 from ninedisk.core.cd.space.recorder import Recorder
+from ninedisk.core.cd.space.scope import check_scene
 from ninedisk.core.cd.space.step import ContactStep, Memory, Solved, impact_gain, solve_with_contacts
 from ninedisk.core.cd.space.walls import WallPoses
 from ninedisk.core.cd.step import TOUCHING
@@ -33,7 +33,6 @@ from ninedisk.core.errors import (
     UnwritableFileError,
 )
 from ninedisk.core.history import History, Pair
-from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics, check_memory, check_progress, chosen_particles, watched_pairs
 from ninedisk.core.scene import SphereScene
 from ninedisk.core.validate import kind_of
@@ -101,13 +100,14 @@ class SpaceSession:
     ) -> None:
         kind_of("scene", scene, SphereScene)
         kind_of("numerics", numerics, Numerics, error=InvalidNumericsError)
+        if "cd.tolerance" not in numerics.options:
+            numerics = numerics.replace(options={**numerics.options, "cd.tolerance": TOLERANCE})
         self.settings = read_settings(numerics)
         check_scene(scene, numerics)
         pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)
         check_memory(numerics, 3 * len(chosen), 2 * len(scene.walls), 3 * len(pairs))
         self.scene, self.numerics, self.dt = scene, numerics, numerics.dt
-        options = self.settings.solver_options
-        self._options = options if "cd.tolerance" in numerics.options else replace(options, tolerance=TOLERANCE)
+        self._options = self.settings.solver_options
         self._laws = LawTable(scene, numerics, self.settings.contacts)
         self._solid = solid_of(scene)
         self._search = ContactSearch(scene.spheres, self._laws)
@@ -296,13 +296,17 @@ class SpaceSession:
             )
         if self._impact_gain > 0.0:
             self.remarks.append(
-                f"impacts under Newton's law with friction fed {self._impact_gain:.3g} J. Friction acts on the slip at the end of an impact, "
-                "which other impulses can turn round (Kane's paradox): impact = 'theta' feeds none, nor do smooth contacts"
+                f"impacts under Newton's law with friction fed {self._impact_gain:.3g} J. Friction acts on the slip at the end of an "
+                "impact, which other impulses can turn round (Kane's paradox): impact = 'theta' feeds none, nor do smooth contacts"
             )
 
     def _wedged(self) -> str:
         possible = self._laws.newton and bool((self._laws.restitution > 0.0).any() and (self._laws.mu > 0.0).any())
-        return f". Newton's restitution with friction can have no solution where bodies are wedged: {ADVICE}." if possible else "."
+        return (
+            f". Newton's restitution with friction can have no solution where bodies are wedged: {ADVICE}."
+            if possible
+            else "."
+        )
 
     def _keep_problem(self) -> str:
         """Save the problem that failed, if the option asks for it; the sentence that says so."""
@@ -314,62 +318,3 @@ class SpaceSession:
         except UnwritableFileError as error:
             return f" The problem could not be kept: {error}."
         return f" The problem is in {path}: ninedisk.core.cd.problem_files.read_problem reads it."
-
-
-def refused_law(law: ContactLaw, *, rotating: bool) -> str:
-    """What a law asks for that contact dynamics in space lacks; empty: nothing.
-
-    Parameters
-    ----------
-    law : ContactLaw
-    rotating : bool
-        Whether any body can turn.
-    """
-    if law.hertz:
-        return "Hertz' law"
-    if law.cohesion > 0.0:
-        return "cohesion"
-    if law.rolling is not None and rotating:
-        return "rolling resistance"
-    return "twisting resistance" if law.twisting is not None and rotating else ""
-
-
-def check_scene(scene: SphereScene, numerics: Numerics) -> None:
-    """Refuse what contact dynamics in space lacks, by name.
-
-    Raises
-    ------
-    InvalidSceneError, InvalidNumericsError
-    """
-    if len(scene.spheres) == 0:
-        raise InvalidSceneError("the scene has no sphere: there is nothing to simulate")
-    rotating = bool(scene.spheres.rotating.any())
-    kind = numerics.options.get("cd.contacts", "auto")
-    asked = [refused_law(law, rotating=rotating) for law in scene.laws_in_use]
-    asked += ["a periodic cell"] if scene.cell is not None else []
-    missing = [name for name in asked if name]
-    if missing:
-        raise InvalidSceneError(
-            f"the scene has {missing[0]}, which contact dynamics in space does not have: leave it out, or use method = 'dem'"
-        )
-    if kind == "elastic" or (kind == "auto" and not all(law.regularised for law in scene.laws_in_use)):
-        raise InvalidSceneError(
-            "the scene has elastic contacts, which contact dynamics in space does not have: make them rigid (regularised, or cd.contacts = "
-            "rigid), or use method = 'dem'"
-        )
-    for pair, force in scene.initial_shear.items():
-        if np.any(force):
-            names = " and ".join(scene.body_name(body) for body in pair)
-            raise InvalidSceneError(
-                f"the initial shear force {tuple(force)} N belongs to {names}, whose contact is rigid and does not hold one: drop the entry"
-            )
-    if numerics.regime != "dynamic":
-        raise InvalidNumericsError("regime = 'quasi-static' is not allowed for spheres: use 'dynamic'")
-    if numerics.energy_budget:
-        raise InvalidNumericsError("energy_budget = True is not allowed in contact dynamics in space: leave it out")
-    if numerics.solver != "auto":
-        raise InvalidNumericsError(f"solver = {numerics.solver!r} is not allowed in space: use 'auto'")
-    if numerics.options.get("cd.relaxation", 1.0) != 1.0:
-        raise InvalidNumericsError(
-            f"cd.relaxation = {numerics.options['cd.relaxation']} is not allowed in space: its sweeps have none; leave it out"
-        )

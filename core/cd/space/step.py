@@ -224,8 +224,8 @@ class ContactStep:
         figures = Figures(natural_map(problem, answer.r, coulomb=self._sliding == "coulomb"), answer.error)
         raise SolverNotConvergedError(
             f"the solver of {problem.n_contacts} contacts in space stopped at {why} after {answer.iterations} iterations and "
-            f"{answer.seconds:.3g} s: largest relative error {answer.error:.3g}, natural-map residual {figures.natural_map:.3g}; the tolerance "
-            f"is {self._options.tolerance:g}. Loosen cd.tolerance, allow the best forces found by cd.accept, raise cd.time_limit, or "
+            f"{answer.seconds:.3g} s: largest relative error {answer.error:.3g}, natural-map residual {figures.natural_map:.3g}; the "
+            f"tolerance is {self._options.tolerance:g}. Loosen cd.tolerance, allow the best forces found by cd.accept, raise cd.time_limit, or "
             "reduce dt",
             iterations=answer.iterations,
             residuals=figures,
@@ -234,7 +234,13 @@ class ContactStep:
 
 
 def solve_with_contacts(
-    step: ContactStep, free: FreeStep, search: ContactSearch, where: Place, laws: LawTable, memory: Memory, sliding: Sliding
+    step: ContactStep,
+    free: FreeStep,
+    search: ContactSearch,
+    where: Place,
+    laws: LawTable,
+    memory: Memory,
+    sliding: Sliding,
 ) -> Solved:
     """Solve a step on a set of contacts that grows until none outside it is violated.
 
@@ -294,7 +300,9 @@ def solve_with_contacts(
         inside |= missed
 
 
-def impact_gain(solved: Solved, free: FreeStep, laws: LawTable, dt: float, tolerance: float, resolution: float) -> float:
+def impact_gain(
+    solved: Solved, free: FreeStep, laws: LawTable, dt: float, tolerance: float, resolution: float
+) -> float:
     """Energy [J] that contacts under Newton's law feed in a step; 0 where it is round-off.
 
     As `ninedisk.core.cd.contact_kernels.note_impact_work` has it in the plane; ``resolution`` is the rounding of contact velocities [m/s].

@@ -34,7 +34,9 @@ def flat(rows: Any) -> Any:
 
 
 def solid(segment: dict[str, Any]) -> PlaneSegment:
-    lifted = {name: (*value, 0.0) if name in ("velocity", "amplitude", "pivot") else value for name, value in segment.items()}
+    lifted = {
+        name: (*value, 0.0) if name in ("velocity", "amplitude", "pivot") else value for name, value in segment.items()
+    }
     return PlaneSegment(**{**lifted, "angular_velocity": (0.0, 0.0, segment.get("angular_velocity", 0.0))})
 
 
@@ -42,7 +44,9 @@ def twins(e: float | None) -> tuple[Scene, SphereScene]:
     """Seven disks thrown together over a floor that moves and turns, one partly held, one that does not turn, one pushed."""
     rng, n = np.random.default_rng(3), 7
     law = ContactLaw(kn=1e6, ks=1e6, mu=0.4, regularised=True, restitution=e)
-    x = np.array([[0.5 + 1.05 * i, 0.55 + 1.1 * k] for i in range(3) for k in range(3)])[:n] + rng.uniform(-0.02, 0.02, (n, 2))
+    x = np.array([[0.5 + 1.05 * i, 0.55 + 1.1 * k] for i in range(3) for k in range(3)])[:n] + rng.uniform(
+        -0.02, 0.02, (n, 2)
+    )
     radius, mass = rng.uniform(0.4, 0.5, n), rng.uniform(1.0, 2.0, n)
     v, omega = rng.normal(0.0, 1.0, (n, 2)), rng.normal(0.0, 2.0, n)
     held, rotating = np.zeros((n, 2), dtype=bool), np.arange(n) != 4
@@ -63,7 +67,13 @@ def twins(e: float | None) -> tuple[Scene, SphereScene]:
     )
     held_3 = np.column_stack([held, np.arange(n) > 4])
     solids = tuple(
-        PlaneWall(name=w.name, point=(*w.point, 0.0), normal=(*w.normal, 0.0), law=law, motion=tuple(map(solid, SEGMENTS)) if w.motion else ())
+        PlaneWall(
+            name=w.name,
+            point=(*w.point, 0.0),
+            normal=(*w.normal, 0.0),
+            law=law,
+            motion=tuple(map(solid, SEGMENTS)) if w.motion else (),
+        )
         for w in walls
     )
     space = SphereScene(
@@ -90,7 +100,9 @@ def twins(e: float | None) -> tuple[Scene, SphereScene]:
     ],
 )
 def test_a_scene_at_z_0_moves_as_in_the_plane(theta: float, impact: Any, sliding: Any, e: float | None) -> None:
-    numerics = Numerics(dt=0.005, n_steps=40, theta=theta, impact=impact, sliding=sliding, options={"cd.tolerance": 1e-11})
+    numerics = Numerics(
+        dt=0.005, n_steps=40, theta=theta, impact=impact, sliding=sliding, options={"cd.tolerance": 1e-11}
+    )
     watch = [(0, 1), (0, 7), (3, 7), (1, 8), (4, 5)]
     one, two = (simulate(scene, numerics, watch, method="cd") for scene in twins(e))
     assert np.nanmax(one.fn) > 100.0

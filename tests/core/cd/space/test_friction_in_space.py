@@ -76,7 +76,10 @@ def test_under_the_associated_rule_a_sliding_block_lifts_by_mu_times_its_slip(di
     """From rest on a slope, with ``r = mu^2/(1 + mu^2)``: ``v_n = a dt (n - mu^2 (1 - r^n))`` and the gap is ``mu dt v_n``."""
     mu, dt, angle, n = 0.3, 0.01, np.radians(20.0), np.arange(31)
     history = simulate(
-        on_floor(rigid(mu=mu), slope(angle, direction), **FLAT), steps(dt, 30, sliding="associated"), [(0, 1)], method="cd"
+        on_floor(rigid(mu=mu), slope(angle, direction), **FLAT),
+        steps(dt, 30, sliding="associated"),
+        [(0, 1)],
+        method="cd",
     )
     r, a = mu**2 / (1.0 + mu**2), G * (np.sin(angle) - mu * np.cos(angle))
     v = a * dt * (n - mu**2 * (1.0 - r**n))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from solids import G, matrix, on_floor, rigid, steps, turn_about
 
 from ninedisk.core import Spheres, SphereScene, simulate
 
+FINE = {"cd.tolerance": 1e-12}
 BALL = {"x": [[0.0, 0.0, 0.93]], "radius": 0.5, "mass": 2.0}
 BOX = {"x": [[0.0, 0.0, 0.93]], "half_sizes": [[0.4, 0.3, 0.5]], "mass": 2.0}
 
@@ -34,7 +36,7 @@ def heights(z: float, lowest: float, dt: float, count: int, theta: float, e: flo
 def test_a_body_falls_and_rebounds_as_the_scheme_has_it(body: dict[str, Any], theta: float, e: float | None) -> None:
     impact: Any = "theta" if e is None else "newton"
     history = simulate(
-        on_floor(rigid(e=e), **body), steps(0.01, 90, theta=theta, impact=impact), [(0, 1)], method="cd"
+        on_floor(rigid(e=e), **body), steps(0.01, 90, theta=theta, impact=impact, options=FINE), [(0, 1)], method="cd"
     )
     exact = heights(0.93, 0.5, 0.01, 90, theta, e)
     assert np.abs(history.x[:, 0, 2] - exact[:, 0]).max() < 1e-10
@@ -45,18 +47,24 @@ def test_a_body_falls_and_rebounds_as_the_scheme_has_it(body: dict[str, Any], th
     assert np.abs(history.wall_force[1:, 0, 2] + impulses).max() < 1e-5
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.15, 5.0])
+@pytest.mark.parametrize("mu", [0.0, 0.1, 5.0])
 @pytest.mark.parametrize("e", [0.0, 0.7])
 def test_a_corner_hits_the_floor(mu: float, e: float) -> None:
     """The impulse P of one contact: ``m dv = P``, ``dL = r x P``, Newton's law along the normal, Coulomb's law across it."""
     half, mass, turn = np.array([0.3, 0.4, 0.6]), 2.0, turn_about([1.0, 0.4, -0.3], 0.8)
     frame = matrix(turn)
-    corners = frame @ (half[:, None] * np.array([[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1], [1, 1, -1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]]).T)  # fmt: skip
+    corners = frame @ (half[:, None] * np.array(list(product((-1.0, 1.0), repeat=3))).T)
     arm = corners[:, int(np.argmin(corners[2]))]
     moments = mass * (half @ half - half**2) / 3.0
     v = np.array([0.9, -0.4, -2.0])
     scene = on_floor(
-        rigid(mu=mu, e=e), (0.0, 0.0, 0.0), x=[[0.0, 0.0, -arm[2]]], half_sizes=[half], mass=mass, quaternion=[turn], v=[v]
+        rigid(mu=mu, e=e),
+        (0.0, 0.0, 0.0),
+        x=[[0.0, 0.0, -arm[2]]],
+        half_sizes=[half],
+        mass=mass,
+        quaternion=[turn],
+        v=[v],
     )
     history = simulate(scene, steps(1e-3, 1, impact="newton"), [(0, 1)], method="cd")
     assert history.quaternion is not None
@@ -71,7 +79,9 @@ def test_a_corner_hits_the_floor(mu: float, e: float) -> None:
     assert u[2] == pytest.approx(2.0 * e, abs=1e-8)
     friction = impulse[:2]
     if mu == 5.0:
-        mobility = np.array([each / mass + np.cross(frame @ ((frame.T @ np.cross(arm, each)) / moments), arm) for each in np.eye(3)]).T
+        mobility = np.array(
+            [each / mass + np.cross(frame @ ((frame.T @ np.cross(arm, each)) / moments), arm) for each in np.eye(3)]
+        ).T
         assert impulse == pytest.approx(np.linalg.solve(mobility, [-v[0], -v[1], 2.0 * (1.0 + e)]), abs=1e-7)
     else:
         assert np.linalg.norm(friction) == pytest.approx(mu * impulse[2], abs=1e-8)

@@ -59,7 +59,9 @@ def test_each_level_of_a_stack_bears_what_is_above_it(sliding: str) -> None:
     assert np.abs(history.v).max() < 1e-8
     # The moment on the lower box is that of the load of both bodies above, where their common centre is.
     assert history.moment is not None
-    assert history.moment[-1, 1] == pytest.approx(np.cross([(2 * 0.05) / 3, (2 * 0.02) / 3, 0.2], [0, 0, -3.0 * G]), abs=1e-6)
+    assert history.moment[-1, 1] == pytest.approx(
+        np.cross([(2 * 0.05) / 3, (2 * 0.02) / 3, 0.2], [0, 0, -3.0 * G]), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(("sliding", "impact"), [("coulomb", "theta"), ("associated", "theta"), ("coulomb", "newton")])
@@ -93,7 +95,10 @@ def test_the_order_of_bodies_and_the_names_of_axes_do_not_matter() -> None:
     scene, numerics = heap(rigid(mu=0.3), count=20), steps(0.005, 40, options={"cd.tolerance": 1e-11})
     first = simulate(scene, numerics, method="cd")
     order = np.random.default_rng(1).permutation(20)
-    bodies = {name: getattr(scene.spheres, name)[order] for name in ("x", "v", "omega", "radius", "mass", "inertia", "half_sizes")}
+    bodies = {
+        name: getattr(scene.spheres, name)[order]
+        for name in ("x", "v", "omega", "radius", "mass", "inertia", "half_sizes")
+    }
     second = simulate(scene.replace(spheres=Spheres(**bodies), walls=scene.walls[::-1]), numerics, method="cd")
     assert np.abs(second.x - first.x[:, order]).max() < 1e-6
     assert np.abs(second.v - first.v[:, order]).max() < 1e-5
