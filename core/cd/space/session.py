@@ -310,7 +310,8 @@ class SpaceSession:
 
     def _keep_problem(self) -> str:
         """Save the problem that failed, if the option asks for it; the sentence that says so."""
-        problem, path = self._contact_step and self._contact_step.problem, self.settings.save_failed
+        problem = None if self._contact_step is None else self._contact_step.problem
+        path = self.settings.save_failed
         if problem is None or not path:
             return " (the option cd.save_failed = FILE keeps the problem of a step that fails)"
         try:

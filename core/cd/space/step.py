@@ -225,8 +225,8 @@ class ContactStep:
         raise SolverNotConvergedError(
             f"the solver of {problem.n_contacts} contacts in space stopped at {why} after {answer.iterations} iterations and "
             f"{answer.seconds:.3g} s: largest relative error {answer.error:.3g}, natural-map residual {figures.natural_map:.3g}; the "
-            f"tolerance is {self._options.tolerance:g}. Loosen cd.tolerance, allow the best forces found by cd.accept, raise cd.time_limit, or "
-            "reduce dt",
+            f"tolerance is {self._options.tolerance:g}. Loosen cd.tolerance, allow the best forces found by cd.accept, raise "
+            "cd.time_limit, or reduce dt",
             iterations=answer.iterations,
             residuals=figures,
             forces=answer.r,
