@@ -170,7 +170,7 @@ class ContactStep:
             (frames.motion[listed], frames.pairs[listed], pointers), shape=(3 * frames.size, 6 * n), blocksize=(3, 6)
         )
 
-    def can_give_way(self, frames: Frames) -> NDArray[np.bool_]:
+    def can_be_opened(self, frames: Frames) -> NDArray[np.bool_]:
         """Which contacts some body can open: the others are between motions that are prescribed, whatever forces act."""
         free, n = self._free, len(self._free.movable)
         found = np.zeros(frames.size)
@@ -270,11 +270,11 @@ def solve_with_contacts(
     iterations, solutions, seconds = 0, 0, 0.0
     guess = memory
     while True:
-        stuck = ~step.can_give_way(frames)
+        stuck = ~step.can_be_opened(frames)
         if (stuck & (gaps < -tolerance)).any():
             i, j = frames.pairs[int(np.argmin(np.where(stuck, gaps, 0.0)))]
             raise InvalidSceneError(
-                f"bodies {i} and {j} are driven into each other and neither can give way (walls are numbered after the bodies): release "
+                f"bodies {i} and {j} are driven into each other and neither can yield (walls are numbered after the bodies): release "
                 "one, or change a prescribed motion"
             )
         inside &= ~stuck
