@@ -30,13 +30,13 @@ def simulate(
     Parameters
     ----------
     scene : Scene or SphereScene
-        Disks in the plane or spheres in space, walls, contact laws, gravity.
+        Disks in the plane, or spheres and boxes in space, walls, contact laws, gravity.
     numerics : Numerics
         Steps and sampling.
     watch : sequence of pairs
         Contacts to record, as body numbers (disks first, then walls; `Scene.wall_index` finds a wall's).
     method : {"dem", "cd"}
-        Discrete element method (contact springs, explicit) or contact dynamics (rigid or elastic, implicit; of disks only).
+        Discrete element method (contact springs, explicit) or contact dynamics (implicit; rigid or elastic, in space rigid).
     particles : sequence of int or None
         Disks whose motion is recorded; None: all.
     threads : int
@@ -74,8 +74,11 @@ def simulate(
     """
     one_of("method", method, ("dem", "cd"), error=InvalidNumericsError)
     if isinstance(scene, SphereScene):
-        if method != "dem":
-            raise InvalidNumericsError(f"method = {method!r} is not allowed for spheres: use 'dem'")
+        if method == "cd":
+            from ninedisk.core.cd.space.session import SpaceSession
+
+            check_threads(threads)
+            return SpaceSession(scene, numerics, watch, particles).run(progress)
         from ninedisk.core.dem.space.session import SphereSession
 
         return SphereSession(scene, numerics, watch, particles, threads=threads).run(progress)

@@ -13,7 +13,7 @@ from ninedisk.core.cd.settings import ContactKind
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import NO_SHEAR_SPRING, ContactLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
+from ninedisk.core.scene import AnyScene, Scene
 
 SAME_RESTITUTION = 1e-5
 """Difference of restitutions that are the same: theta given to six digits."""
@@ -22,11 +22,11 @@ ADVICE = "use impact = 'theta', with which a solution always exists, or a restit
 
 
 class LawTable:
-    """Laws of a scene, in l rows: row 0 is the disk-disk law, row ``1 + w`` that of wall w, the others those of `Scene.laws`.
+    """Laws of a scene, in l rows: row 0 is that between bodies, row ``1 + w`` that of wall w, the others those of `Scene.laws`.
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or SphereScene
     numerics : Numerics
     contacts : {"auto", "rigid", "elastic"}
         Which contacts are elastic; auto: those whose law is not ``regularised``.
@@ -68,12 +68,12 @@ class LawTable:
         area.
     """
 
-    def __init__(self, scene: Scene, numerics: Numerics, contacts: ContactKind) -> None:
-        laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
-        names = ["disks", *(f"wall {wall.name!r}" for wall in scene.walls)]
+    def __init__(self, scene: AnyScene, numerics: Numerics, contacts: ContactKind) -> None:
+        laws = [scene.law_of_bodies, *(wall.law for wall in scene.walls), *scene.laws.values()]
+        names = [f"{scene.noun}s", *(f"wall {wall.name!r}" for wall in scene.walls)]
         names += [f"{one!r} and {other!r}" for one, other in scene.laws]
-        self.used = used = np.array([len(scene.disks) > 1] + [True] * (len(laws) - 1))
-        self._n, self._of_materials = len(scene.disks), rows_of_materials(scene)
+        self.used = used = np.array([len(scene.bodies) > 1] + [True] * (len(laws) - 1))
+        self._n, self._of_materials = len(scene.bodies), rows_of_materials(scene)
         self.elastic = np.array([_is_elastic(law, contacts) for law in laws])
         self.kn = np.array([law.kn - law.cohesion for law in laws])
         stiffer = np.array([law.kn for law in laws]) / self.kn
@@ -167,9 +167,9 @@ def ignored_restitution(law: ContactLaw, elastic: bool, numerics: Numerics) -> s
     )
 
 
-def rebounds(scene: Scene, numerics: Numerics, table: LawTable) -> list[str]:
+def rebounds(scene: AnyScene, numerics: Numerics, table: LawTable) -> list[str]:
     """A sentence where rigid contacts rebound by the theta scheme though their law's restitution is 0."""
-    laws = [scene.disk_disk, *(wall.law for wall in scene.walls), *scene.laws.values()]
+    laws = [scene.law_of_bodies, *(wall.law for wall in scene.walls), *scene.laws.values()]
     scheme = (1.0 - numerics.theta) / numerics.theta
     rigid = table.used & ~table.elastic
     plastic = any(law.restitution == 0.0 for law, own in zip(laws, rigid, strict=True) if own)
@@ -181,11 +181,11 @@ def rebounds(scene: Scene, numerics: Numerics, table: LawTable) -> list[str]:
     ]
 
 
-def rows_of_materials(scene: Scene) -> tuple[IntArray, IntArray] | None:
+def rows_of_materials(scene: AnyScene) -> tuple[IntArray, IntArray] | None:
     """Number of each body's material, shape (n + m,), and row of the law of two materials, shape (k, k), -1 where they have none."""
     if not scene.laws:
         return None
-    materials = (*scene.disks.material, *(wall.material for wall in scene.walls))
+    materials = (*scene.bodies.material, *(wall.material for wall in scene.walls))
     number = {name: k for k, name in enumerate(dict.fromkeys(materials))}
     table = np.full((len(number), len(number)), -1)
     for row, (one, other) in enumerate(scene.laws, 1 + len(scene.walls)):

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import ninedisk
 from ninedisk.core.cd.laws import ignored_restitution, sticking_wrongly, wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
+from ninedisk.core.cd.space.scope import refused_settings
 from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import Scene
-from ninedisk.harness.api.capabilities import ROLLING, SPACE, Capability
+from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, ROLLING, SPACE, Capability
 from ninedisk.harness.api.engine import EngineInfo, EngineRun, Stopwatch, Support, SupportLevel, Timings, timings_of
 from ninedisk.harness.api.support import (
     NOTE_SLIP_AT,
     OF_SLIP_AT,
+    AnyScene,
     has_spring_preload,
     rigid_needs,
     without_spring_preload,
 )
 
-CAPABILITIES = (
+if TYPE_CHECKING:
+    from ninedisk.core.cd.session import CdSession
+    from ninedisk.core.cd.space.session import SpaceSession
+
+IN_PLANE = (
     frozenset(Capability)
     - frozenset(ROLLING.values())
     - SPACE
@@ -38,6 +46,17 @@ CAPABILITIES = (
         Capability.SLIP_END,
     }
 )
+"""What contact dynamics has in 2D."""
+
+IN_SPACE = OF_RIGID_SPHERES | {
+    Capability.BOXES,
+    Capability.MATERIALS,
+    Capability.GLOBAL_DAMPING_CENTRAL_3D,
+    Capability.BODY_FORCES_3D,
+}
+"""And in 3D, where all contacts are rigid."""
+
+CAPABILITIES = IN_PLANE | IN_SPACE
 
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
@@ -45,7 +64,7 @@ NOTE_ELASTIC_REBOUND = "the restitution of elastic contacts is left out: spring,
 NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
 
 
-def expressible_scene(scene: Scene, numerics: Numerics) -> Scene:
+def expressible_scene(scene: AnyScene, numerics: Numerics) -> AnyScene:
     """The scene without the preload of springs, and without restitutions that contact dynamics refuses: `supports` notes both."""
 
     def heeded(law: ContactLaw) -> ContactLaw:
@@ -55,9 +74,7 @@ def expressible_scene(scene: Scene, numerics: Numerics) -> Scene:
     scene = without_spring_preload(scene)
     if not any(ignored_restitution(law, not law.regularised, numerics) for law in scene.laws_in_use):
         return scene
-    walls = tuple(replace(wall, law=heeded(wall.law)) for wall in scene.walls)
-    laws = {pair: heeded(law) for pair, law in scene.laws.items()}
-    return scene.replace(disk_disk=heeded(scene.disk_disk), walls=walls, laws=laws)
+    return scene.with_laws(heeded)
 
 
 class CdEngine:
@@ -82,8 +99,8 @@ class CdEngine:
             options=OPTIONS,
         )
 
-    def supports(self, scene: Scene, numerics: Numerics) -> Support:
-        """EXACT but for the slip of a step's end, and APPROXIMATE where a restitution is ignored."""
+    def supports(self, scene: Scene | SphereScene, numerics: Numerics) -> Support:
+        """EXACT but for the slip of a step's end, and APPROXIMATE where a restitution is ignored; in 3D rigid contacts alone."""
         notes: list[str] = []
         level = SupportLevel.EXACT
         if has_spring_preload(scene):
@@ -92,15 +109,18 @@ class CdEngine:
             notes.append(NOTE_DAMPING)
         if any(not law.regularised for law in scene.laws_in_use) and numerics.regime == "dynamic":
             notes.append(NOTE_ELASTIC)
-        notes += wedging_corners(scene, numerics)
-        missing = rigid_needs(scene, numerics) - CAPABILITIES
-        if missing & OF_SLIP_AT:
+        if isinstance(scene, Scene):
+            notes += wedging_corners(scene, numerics)
+        missing = rigid_needs(scene, numerics) - (IN_PLANE if isinstance(scene, Scene) else IN_SPACE)
+        if missing & OF_SLIP_AT and isinstance(scene, Scene):
             missing -= OF_SLIP_AT
             level = SupportLevel.EQUIVALENT
             notes.append(NOTE_SLIP_AT)
         stuck = [sticking_wrongly(law, not law.regularised, law.shear_stiffness)[0] for law in scene.laws_in_use]
-        if missing or any(stuck):
-            refused = [f"a law with {wrong}" for wrong in stuck if wrong]
+        refused = [f"a law with {wrong}" for wrong in stuck if wrong]
+        if isinstance(scene, SphereScene):
+            refused += refused_settings(numerics)
+        if missing or refused:
             return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
         asked = [law for law in scene.laws_in_use if law.regularised and law.restitution is not None]
         ignored = [law for law in scene.laws_in_use if ignored_restitution(law, not law.regularised, numerics)]
@@ -114,13 +134,11 @@ class CdEngine:
                 notes.append(NOTE_ELASTIC_REBOUND)
         return Support(level, (), tuple(notes))
 
-    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
-        """Run the scene on `ninedisk.core.cd.session.CdSession`."""
-        from ninedisk.core.cd.session import CdSession
-
+    def run(self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        """Run the scene on `ninedisk.core.cd.session.CdSession` or `ninedisk.core.cd.space.session.SpaceSession`."""
         setup, warm_up, stepping = Stopwatch(), Stopwatch(), Stopwatch()
         with setup:
-            session = CdSession(expressible_scene(scene, numerics), numerics, watch)
+            session = _session(scene, numerics, watch)
         with warm_up:
             session.warm_up()
         with stepping:
@@ -135,16 +153,16 @@ class CdEngine:
             **session.settings.options,
             "problems solved": ", ".join(f"{name} {count}" for name, count in sorted(session.solves.items())),
             "iterations": session.iterations,
-            "largest natural-map residual": session.worst[0],
-            "largest relative duality gap": session.worst[1],
+            **_figures(session),
             **({"steps that missed the tolerance": session.loose} if session.loose else {}),
             "remarks": "; ".join(session.remarks),
         }
         return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=settings)
 
-    def save(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str) -> None:
+    def save(
+        self, scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair], steps: int, path: str
+    ) -> None:
         """Run ``steps`` steps at least, to the next sample, and write the session."""
-        from ninedisk.core.cd import session as module
 
         class ReachedError(Exception):
             pass
@@ -153,7 +171,8 @@ class CdEngine:
             if done >= steps:
                 raise ReachedError
 
-        session = module.CdSession(expressible_scene(scene, numerics), numerics, watch)
+        session = _session(scene, numerics, watch)
+        module = sys.modules[type(session).__module__]
         usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # reported at every sample, whatever the clock says
         try:
             with suppress(ReachedError):
@@ -166,6 +185,23 @@ class CdEngine:
         """Go on from a session that `save` wrote, a file to be trusted, to the last step; timings count nothing."""
         session = pickle.loads(Path(path).read_bytes())
         return EngineRun(history=session.run(), timings=Timings(setup=0.0, warm_up=0.0, advance=0.0))
+
+
+def _session(scene: Scene | SphereScene, numerics: Numerics, watch: Sequence[Pair]) -> CdSession | SpaceSession:
+    if isinstance(scene, SphereScene):
+        from ninedisk.core.cd.space.session import SpaceSession
+
+        return SpaceSession(expressible_scene(scene, numerics), numerics, watch)
+    from ninedisk.core.cd.session import CdSession
+
+    return CdSession(expressible_scene(scene, numerics), numerics, watch)
+
+
+def _figures(session: CdSession | SpaceSession) -> dict[str, float]:
+    """Largest errors of all steps."""
+    if isinstance(session.worst, float):
+        return {"largest relative error": session.worst}
+    return {"largest natural-map residual": session.worst[0], "largest relative duality gap": session.worst[1]}
 
 
 ENGINE = CdEngine()

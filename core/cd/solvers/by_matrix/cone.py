@@ -116,15 +116,19 @@ def largest_error(problem: DelassusProblem, r: FloatArray, *, coulomb: bool) -> 
     return kernels.largest_error(delassus_arrays(problem), coulomb, np.ascontiguousarray(r, dtype=np.float64).ravel())
 
 
-def solve_cones(problem: DelassusProblem, options: SolverOptions, *, sliding: Sliding) -> MatrixSolution:
+def solve_cones(
+    problem: DelassusProblem, options: SolverOptions, *, sliding: Sliding, start: FloatArray | None = None
+) -> MatrixSolution:
     """Sweeps while they are worth it, else the interior point, else a walk; Newton's method on statuses from the forces of each.
 
     It ends at the tolerance, at the limits of time and iterations, or where none of these gets on, with the best forces that were
-    found.
+    found. ``start``, shape (c, 3), is a guess of the forces: sweeps begin from it, after Newton's method if it is near enough.
     """
     clock = Stopwatch(options.time_limit)
     best = _Best(problem, options.tolerance, clock, coulomb=sliding == "coulomb")
     limit = options.max_iterations or 2**31
+    if start is not None and start.any() and best.offer(start) < NEWTON_BEGINS:
+        _newton(best)
     _sweep(best, min(limit, MOST_SWEEPS))
     if best.done or best.iterations >= limit:
         return MatrixSolution(best.forces, best.error, best.iterations, clock.seconds)

@@ -1,0 +1,1 @@
+"""Contact dynamics in space: spheres, boxes and plane walls."""
