@@ -108,12 +108,16 @@ def judge_contacts(scene: AuditScene, progress: Callable[[int, int, str], None])
             )
             return f"contact of {noun} {i[at[k]]:.0f} with {other}"
 
-        pull = np.zeros(len(fn)) if scene.cohesive else np.maximum(-fn, 0.0)
-        beyond = np.maximum(np.abs(fs) - np.nan_to_num(mu) * np.maximum(fn, 0.0), 0.0)
+        pull = np.zeros(len(fn)) if scene.cohesive or scene.pull else np.maximum(-fn, 0.0)
+        beyond = np.maximum(np.abs(fs) - np.nan_to_num(mu) * (np.abs(fn) if scene.pull else np.maximum(fn, 0.0)), 0.0)
         if scene.cohesive:
             tally.skip(len(at), "cohesion carries shear beyond mu fn, by an unknown amount")
             continue
         value = np.maximum(pull, beyond)
+        if scene.pull:
+            tally.skip(
+                int((fn < 0.0).sum()), "dashpots may pull at the end of a contact: pull = false states that none does"
+            )
         tally.judge(state, value[at], {"digits of fs": es[at], "mu times the digits of fn": (np.nan_to_num(mu) * en + en)[at]}, who,
                     lambda _: np.empty(0, dtype=np.int64))  # fmt: skip
         tally.skip(int((~known).sum()), "mu of the contact is not given")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.harness.audit.geometry import Cone, friction_rays, joined, norm
+from ninedisk.harness.audit.geometry import Cone, friction_rays, joined, norm, turning
 from ninedisk.harness.audit.tally import State, Words
 from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_sets
 
@@ -144,6 +144,7 @@ class MomentumChecks(Touching):
         who, members = self._group_words(touch, several, use)
         tally.judge(c, norm(got[several]), {"digits of v and t": allowed[several]}, who, members)
         tally.skip(int((anchored & (size > 0)).sum()), "fixed disks take momentum")
+        pulls = self._pulls(interval)
         cones: dict[int, Cone | None] = {}
         for code in np.unique(walls[(walls > 0) & ~anchored & (size > 0)]):
             chosen = np.flatnonzero((walls == code) & ~anchored & (size > 0))
@@ -160,20 +161,27 @@ class MomentumChecks(Touching):
                 given = ", ".join(f"{each:.4g}" for each in got[chosen[k]])
                 return f"{who(k)}, to whom walls gave ({given}) N s"
 
-            tally.judge(c, cone.distance(got[chosen]), {"digits of v and t": allowed[chosen]}, impulse, members)
-        self._total_momentum(c, got, allowed, use, anchored, cones)
+            tally.judge(
+                c,
+                cone.distance(got[chosen]),
+                {"digits of v and t": allowed[chosen], "dashpots that pull at the end of a contact": pulls[chosen]},
+                impulse,
+                members,
+            )
+        self._total_momentum(c, got, allowed, use, anchored, cones, float(pulls.sum()))
 
     def _total_momentum(
-        self, c: State, got: FloatArray, allowed: FloatArray, use: NDArray[np.bool_], anchored: NDArray[np.bool_], cones: Mapping[int, Cone | None],
+        self, c: State, got: FloatArray, allowed: FloatArray, use: NDArray[np.bool_], anchored: NDArray[np.bool_], cones: Mapping[int, Cone | None], pulls: float,
     ) -> None:  # fmt: skip
         """Sums since the start: what every interval hides in its digits adds up."""
         start = self._start
         if start is None or not np.array_equal(start["use"], use):
-            self._start = start = {"use": use, "got": np.zeros(got.shape[1]), "cones": {}, "any": False}
+            self._start = start = {"use": use, "got": np.zeros(got.shape[1]), "pulls": 0.0, "cones": {}, "any": False}
             start["first"] = float(allowed.sum())
         if anchored.any() or any(cone is None for cone in cones.values()):
             start["any"] = True
         start["got"] = start["got"] + got.sum(axis=0)
+        start["pulls"] += pulls
         if not start["any"]:
             start["cones"] |= {cone.rays.round(9).tobytes(): cone for cone in cones.values() if cone is not None}
             start["any"] = len(start["cones"]) > CONES
@@ -192,9 +200,24 @@ class MomentumChecks(Touching):
         mass = self.bodies.mass
         speed = np.nan_to_num(norm(c.v))
         parts = {"digits of v at both ends": np.array([max(start["first"], float(allowed.sum()))]),
+                 "dashpots that pull at the ends of contacts": np.array([start["pulls"]]),
                  "round-off of the sum": np.array([self.eps * steps * float((mass * speed)[use].sum())])}  # fmt: skip
         at = np.flatnonzero(use)
         self.tallies["momentum"].judge(c, value, parts, lambda _: "all disks since the start", lambda _: at)
+
+    def _pulls(self, interval: Interval) -> FloatArray:
+        """Impulse by which dashpots of walls may pull each group in an interval [N s]."""
+        touch, c = interval.touch, interval.c
+        on, w = touch.walled[:, 0], touch.walled[:, 1]
+        if not len(on) or self.scene.pulling == 0.0:
+            return np.zeros(touch.groups)
+        # Only what separates at the end of the interval may have been pulled in it.
+        poses = self.track.at(c.t)
+        walls = poses.velocity[w] + turning(poses.rate[w], c.x[on] - poses.pivot[w])
+        speed = np.maximum(((c.v[on] - walls) * poses.normal[w]).sum(axis=1), 0.0)
+        friction = 1.0 + max([0.0, *(mu or 0.0 for mu in self.scene.wall_mu)])
+        most = self.scene.pulling * friction * self.bodies.mass[on] * np.nan_to_num(speed)
+        return np.bincount(touch.label[on], most, touch.groups)
 
     def _cone(self, code: int, b: State, c: State) -> Cone | None:
         """Impulses that some walls may give; None: any."""

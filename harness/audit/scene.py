@@ -67,7 +67,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "time": ("dt", "interval"),
     "disks": ("radius", "mass", "density", "inertia", "fixed"),
     "spheres": ("radius", "mass", "density", "inertia", "fixed"),
-    "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "rolling", "lever_arm"),
+    "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "pull", "rolling", "lever_arm"),
     "walls": ("name", "point", "normal", "mu", "kn", "ks", "motion"),
     "contacts": ("file", "columns"),
 }
@@ -112,7 +112,9 @@ class AuditScene:
     rigid : bool
         Contacts store no energy and are meant not to overlap, but by ``slop`` [m].
     cohesive, rolling : bool
-        Contacts pull; contacts resist rolling.
+        Contacts attract; contacts resist rolling.
+    pull : bool
+        Dashpots may pull at the end of a contact; where the TOML does not say, those of soft contacts that lose energy may.
     walls : tuple of Wall or PlaneWall
         Their laws hold mu, kn (1 where none is known) and ks.
     wall_kn : tuple of float or None
@@ -148,6 +150,7 @@ class AuditScene:
     slop: float = 0.0
     cohesive: bool = False
     rolling: bool = False
+    pull: bool = True
     walls: tuple[AnyWall, ...] = ()
     wall_mu: tuple[float | None, ...] = ()
     wall_kn: tuple[float | None, ...] = ()
@@ -170,6 +173,20 @@ class AuditScene:
     def conservative(self) -> bool:
         """Whether what is given leaves nothing that takes energy."""
         return self.restitution == 1.0 and not self.frictional and self.damping == 0.0 and not self.rolling
+
+    @property
+    def pulling(self) -> float:
+        """Most impulse by which a dashpot pulls at the end of a contact, over mass and speed: 2 beta^2, by the coefficient of restitution.
+
+        The force ``c v - kn overlap`` pulls from the overlap ``c v/kn`` on; its impulse is ``c^2 v/(2 kn) = 2 beta^2 m v``.
+        """
+        if not self.pull:
+            return 0.0
+        if not self.restitution:
+            return 2.0
+        log = float(np.log(self.restitution))
+        share = 2.0 * log * log / (np.pi**2 + log * log)
+        return float(min(2.0, share / max(1.0 - share, 0.5)))
 
     @property
     def frictional(self) -> bool:
@@ -326,6 +343,7 @@ def read_scene(path: Path) -> AuditScene:
     if rigid and kn is not None:
         raise reader.wrong("contact", "rigid", rigid, "a contact with kn is not rigid; give one of the two")
     law = {key: reader.number(contact, "contact", key) for key in ("mu", "ks")}
+    restitution = reader.number(contact, "contact", "restitution", most=1.0)
     arm = contact.get("lever_arm")
     if arm is not None and arm not in LEVER_ARMS:
         raise reader.wrong(
@@ -354,11 +372,12 @@ def read_scene(path: Path) -> AuditScene:
         mu=law["mu"],
         kn=kn,
         ks=law["ks"],
-        restitution=reader.number(contact, "contact", "restitution", most=1.0),
+        restitution=restitution,
         rigid=rigid,
         slop=reader.number(contact, "contact", "slop") or 0.0,
         cohesive=reader.flag(contact, "contact", "cohesive"),
         rolling=reader.flag(contact, "contact", "rolling"),
+        pull=reader.flag(contact, "contact", "pull") if "pull" in contact else not rigid and restitution != 1.0,
         walls=tuple(wall for wall, _ in walls),
         wall_mu=tuple(given["mu"] for _, given in walls),
         wall_kn=tuple(given["kn"] for _, given in walls),

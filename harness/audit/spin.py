@@ -150,7 +150,7 @@ class SpinChecks(Touching):
         change: FloatArray, noise: FloatArray, who: Any,
     ) -> None:  # fmt: skip
         """The same for arms equal to the radii: both of a pair have the same I dw/R, and gain at most overlap times that."""
-        scene, bodies, tally = self.scene, self.bodies, self.radius_arms
+        scene, tally = self.scene, self.radius_arms
         touch, R = interval.touch, self.bodies.radius
         place = {int(group): k for k, group in enumerate(clear)}
         pairs = [(place[group], *touch.pairs[k]) for group, k in pair_of.items() if group in place]
@@ -162,7 +162,15 @@ class SpinChecks(Touching):
             if not scene.rolling:
                 digits = {"digits of omega": mean * (err[i] / R[i] + err[j] / R[j])}
                 tally.judge(interval.c, mean * norm(per[0] - per[1]), digits, lambda k: who(at[k]), members)
-            gain = self._depth_of_pairs(i, j, interval) * np.maximum(norm(per[0]), norm(per[1]))
+            depth = self._depth_of_pairs(i, j, interval)
+            shear = np.maximum(norm(per[0]), norm(per[1]))
+            # The shear force may turn round within an interval: then what it fed is more than its impulse shows.
+            turns = (
+                4.0 * shear
+                if scene.kn is None
+                else (1.0 if scene.mu is None else scene.mu) * scene.kn * depth * interval.h
+            )
+            gain = depth * np.maximum(shear, turns)
             parts = {"digits of omega, x and v": noise[clear[at]], "arms of R: overlap times the shear impulse": gain}
             tally.judge(interval.c, norm(change[clear[at]]), parts, lambda k: who(at[k]), members)
         size = np.bincount(touch.label, interval.use, touch.groups)
