@@ -199,7 +199,7 @@ class SpinChecks(Touching):
             depth = np.maximum(depth, R[i] + R[j] - norm(state.x[j] - state.x[i]))
         speed = np.maximum(norm(b.v[i] - b.v[j]), norm(c.v[i] - c.v[j]))
         if self.scene.kn:
-            depth = np.maximum(depth, speed * np.sqrt(m[i] * m[j] / (m[i] + m[j]) / self.scene.kn))
+            depth = np.hypot(depth, speed * np.sqrt(m[i] * m[j] / (m[i] + m[j]) / self.scene.kn))
         elif not self.scene.rigid:
             depth = np.maximum(depth, np.minimum(speed * interval.h, np.minimum(R[i], R[j])))
         return depth

@@ -209,7 +209,7 @@ class Touching:
             depth = np.maximum(depth, self.bodies.radius[disk] - height)
         speed = np.maximum(norm(b.v[disk]), norm(c.v[disk]))
         if self.scene.kn:
-            depth = np.maximum(depth, speed * np.sqrt(self.bodies.mass[disk] / self.scene.kn))
+            depth = np.hypot(depth, speed * np.sqrt(self.bodies.mass[disk] / self.scene.kn))
         elif not self.scene.rigid:
             depth = np.maximum(depth, speed * (c.t - b.t))
         return depth
