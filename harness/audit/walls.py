@@ -35,7 +35,13 @@ class WallTrack:
     def __init__(self, walls: Sequence[Any], dimension: int) -> None:
         self.walls, self.dimension = walls, dimension
         self._motion: Any = None
+        self._resting: WallPoses | None = None
         if not walls:
+            return
+        if not any(wall.motion for wall in walls):
+            point, normal = (np.array([getattr(wall, name) for wall in walls]) for name in ("point", "normal"))
+            turns = np.zeros((len(walls), 1 if dimension == 2 else 3))
+            self._resting = WallPoses(point, normal, point, np.zeros_like(point), turns)
             return
         if dimension == 2:
             from ninedisk.core.scene.motion import compile_motion
@@ -45,7 +51,6 @@ class WallTrack:
             from ninedisk.core.dem.space.arrays import compile_motion as compile_planes
 
             self._motion = compile_planes(walls)
-        self._resting = None if any(wall.motion for wall in walls) else self._at(0.0)
 
     def at(self, t: float) -> WallPoses:
         """Poses at a time [s]."""
