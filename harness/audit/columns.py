@@ -193,7 +193,7 @@ def _blank_separated(lines: Sequence[str], columns: int) -> FloatArray | None:
     blank = raw <= 32
     starts = ~blank & np.concatenate([[True], blank[:-1]])
     ends = np.flatnonzero(raw == 10)
-    counts = np.diff(np.concatenate([[0], np.cumsum(starts)[ends] if len(ends) else []]))
+    counts = np.diff(np.concatenate([[0], np.searchsorted(np.flatnonzero(starts), ends)]))
     if len(ends) != len(lines) or (counts != columns).any():
         return None
     with warnings.catch_warnings():

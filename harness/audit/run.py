@@ -22,6 +22,8 @@ from ninedisk.harness.audit.tally import TITLES, Bodies, State, Tally
 
 FORMAT = 1
 VIOLATED, HOLDS, UNDECIDED = "violated", "holds", "not decidable"
+BY_WALLS = ("free", "momentum", "spin", "energy", "kept", "motion", "turning")
+"""Checks that a wall nobody gave may violate."""
 POINTS = 1500
 """Instants of a curve that a record keeps; of more, the worst of each stretch."""
 SHOWN = 3000
@@ -75,6 +77,8 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
         auditor.finish()
     remarks = {"spin": auditor.settle_arms()}
     tallies = auditor.tallies | states.tallies
+    if not scene.walls_known:
+        tallies |= {name: _without_walls(tallies[name]) for name in BY_WALLS}
     tallies["cone"] = judge_contacts(scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
     found: dict[str, Any] = _json_value(_record(path, trajectory, scene, auditor, tallies, remarks))
@@ -87,6 +91,21 @@ def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
         yield from states
     except (EOFError, OSError, zlib.error) as error:
         raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
+
+
+def _without_walls(tally: Tally) -> Tally:
+    """What a wall that nobody gave may have caused is not decidable; the place shows where one may be."""
+    if not tally.beyond:
+        return tally
+    first = tally.first
+    assert first is not None
+    found = Tally(tally.name, undecided=tally.undecided, why_not=tally.why_not)
+    found.skip(
+        tally.beyond,
+        f"walls are not given, and something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']}): write [[walls]], or "
+        "walls = [] where there are none",
+    )
+    return found
 
 
 def in_dimension(trajectory: Trajectory, scene: AuditScene) -> Trajectory:

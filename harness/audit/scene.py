@@ -197,10 +197,10 @@ class AuditScene:
 class _Reader:
     """Values of a TOML with the places where they stand, for messages."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, text: str | None = None) -> None:
         self.path = path
         try:
-            self.text = path.read_text(encoding="utf-8")
+            self.text = path.read_text(encoding="utf-8") if text is None else text
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(
                 f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): give a TOML by --scene "
@@ -315,7 +315,16 @@ def read_scene(path: Path) -> AuditScene:
     UsageError
         Naming file, line, column, value, allowed form.
     """
-    reader = _Reader(path)
+    return _scene_of(_Reader(path))
+
+
+def scene_of_text(text: str, name: str) -> AuditScene:
+    """The same out of a text that stands in no file; ``name`` is for messages."""
+    return _scene_of(_Reader(Path(name), text))
+
+
+def _scene_of(reader: _Reader) -> AuditScene:
+    path = reader.path
     data = reader.data
     reader.known(data, "")
     if "disks" in data and "spheres" in data:
@@ -352,7 +361,8 @@ def read_scene(path: Path) -> AuditScene:
             arm,
             'it must be "radius" (R), "overlap" (R less half the overlap) or "torque-overlap"',
         )
-    walls = _walls(reader, data.get("walls", []), {**law, "kn": kn}, dimension or 2)
+    unknown = data.get("walls") == "unknown"
+    walls = _walls(reader, [] if unknown else data.get("walls", []), {**law, "kn": kn}, dimension or 2)
     if len(walls) > MOST_WALLS:
         raise UsageError(f"{path}: {len(walls)} walls; an audit takes {MOST_WALLS} at most")
     return AuditScene(
@@ -360,6 +370,7 @@ def read_scene(path: Path) -> AuditScene:
         dimension=dimension or 2,
         stated_dimension=dimension is not None,
         lever_arm=arm,
+        walls_known=not unknown,
         inertia_given="inertia" in disks,
         damping=reader.number(data, "", "damping") or 0.0,
         dt=reader.number(time, "time", "dt", strict=True),
@@ -427,7 +438,10 @@ def _walls(
     kind, part = (Wall, WallSegment) if dimension == 2 else (PlaneWall, PlaneSegment)
     if not isinstance(given, list) or not all(isinstance(wall, dict) for wall in given):
         raise reader.wrong(
-            "", "walls", given, "write one [[walls]] table a wall: name, point, normal, and mu, motion if any"
+            "",
+            "walls",
+            given,
+            'write one [[walls]] table a wall: name, point, normal, and mu, motion if any; "unknown" where nobody knows',
         )
     made = []
     for number, wall in enumerate(given):

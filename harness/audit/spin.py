@@ -114,7 +114,8 @@ class SpinChecks(Touching):
         """Group -> its one pair, of groups of two bodies."""
         two = np.zeros(touch.groups, dtype=bool)
         two[clear] = size[clear] == 2
-        return {int(touch.label[i]): k for k, (i, _) in enumerate(touch.pairs) if two[touch.label[i]]}
+        at = np.flatnonzero(two[touch.label[touch.pairs[:, 0]]]) if len(touch.pairs) else np.empty(0, dtype=np.int64)
+        return dict(zip(touch.label[touch.pairs[at, 0]].tolist(), at.tolist(), strict=True))
 
     @staticmethod
     def _normals(touch: Any, b: State, c: State) -> tuple[FloatArray, FloatArray]:
