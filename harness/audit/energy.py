@@ -226,7 +226,7 @@ class EnergyChecks(Touching):
                     lambda _: "all disks, since their least energy",
                     lambda _: at,
                 )
-        budget = least["high"] + least["err"] if np.isfinite(least["high"]) else (high if np.isfinite(high) else np.inf)
+        budget = least["high"] + least["err"] + least.get("lag", 0.0) if np.isfinite(least["high"]) else (high if np.isfinite(high) else np.inf)
         if high <= least["high"]:
             least = {"high": high, "err": doubt, "use": use, "lag": lag}
         self._least = least

@@ -84,13 +84,34 @@ def infer_scene(path: Path) -> Inferred:
         else:
             lines.append(f"# {name} = 0.1  # MISSING: {words}")
             lacking.append(f"[{noun}] {name} = ... {words}: the file has no column {name}")
-    shape = '"disk"' if d == 2 else '"sphere"'
-    lines.append(
-        f'inertia = {shape}  # of uniform bodies: "disk" 1/2, "sphere" 2/5, or I/(m R^2); spheres that move in a plane are spheres'
-    )
+    shape = "sphere" if d == 3 else _shape(columns)
+    if shape is not None:
+        why = "of uniform spheres: 2/5" if d == 3 else "inferred: masses grow as such bodies of one density do"
+        lines.append(f'inertia = "{shape}"  # {why}; or I/(m R^2)')
+    else:
+        lines.append('# inertia = "disk"  # MISSING: "disk" 1/2, "sphere" 2/5, or I/(m R^2)')
+        lacking.append(
+            f'[{noun}] inertia = "disk" or "sphere": spheres that move in a plane have 2/5 m R^2, disks 1/2 m R^2'
+        )
     lines += ["", "[contact]", "# Nothing here can be read off: what is not given is not judged."]
     lines += ["# mu = 0.3", "# kn = 1e6    # [N/m]; or rigid = true", "# ks = 8e5    # [N/m]", "# restitution = 0.7"]
     return Inferred("\n".join(lines) + "\n", tuple(lacking))
+
+
+def _shape(columns: dict[str, FloatArray]) -> str | None:
+    """Disk or sphere by how masses grow with radii; None: they do not show."""
+    if "radius" not in columns or "mass" not in columns:
+        return None
+    radius, mass = columns["radius"], columns["mass"]
+    if not len(radius) or not (np.isfinite(radius) & np.isfinite(mass) & (radius > 0.0) & (mass > 0.0)).all():
+        return None
+    if np.ptp(radius) < 0.01 * radius.max():
+        return None
+    for name, power in (("disk", 2), ("sphere", 3)):
+        density = mass / radius**power
+        if np.ptp(density) < 1e-3 * density.max():
+            return name
+    return None
 
 
 def _clock(trajectory: Trajectory, frames: list[Frame]) -> tuple[FloatArray | None, float | None, str]:

@@ -15,6 +15,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import Auditor
 from ninedisk.harness.audit.columns import Trajectory
 from ninedisk.harness.audit.forces import judge_contacts
+from ninedisk.harness.audit.hints import radius_hints, spin_hint
 from ninedisk.harness.audit.read import dimension_of, in_plane, read_trajectory
 from ninedisk.harness.audit.scene import AuditScene
 from ninedisk.harness.audit.states import States
@@ -75,7 +76,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
             needed = "two or more" if states.has_velocity else "three or more where it has no vx, vy"
             raise UsageError(f"{path} has too few frames: an audit compares frames, give {needed}")
         auditor.finish()
-    remarks = {"spin": auditor.settle_arms()}
+    remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
     tallies = auditor.tallies | states.tallies
     if not scene.walls_known:
         tallies |= {name: _without_walls(tallies[name]) for name in BY_WALLS}
@@ -229,6 +230,8 @@ def _check(tally: Tally, auditor: Auditor, hint: str) -> dict[str, Any]:
     worst = {} if tally.worst is None else {**tally.worst, "ratio": min(tally.worst["ratio"], 1e300)}
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
+    if tally.name == "spin" and verdict == VIOLATED:
+        hint += spin_hint(auditor.scene)
     if tally.name == "momentum" and verdict == VIOLATED and "walls gave" in worst["who"]:
         hint = "; walls that only push give what lies in the cone of their normals and friction"
     return {
