@@ -223,7 +223,7 @@ class EnergyChecks(Touching):
                     c,
                     np.array([low - least["high"]]),
                     parts,
-                    lambda _: "all disks, since their least energy",
+                    lambda _: "all bodies, since their least energy",
                     lambda _: at,
                 )
         budget = least["high"] + least["err"] + least.get("lag", 0.0) if np.isfinite(least["high"]) else (high if np.isfinite(high) else np.inf)

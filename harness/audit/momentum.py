@@ -138,7 +138,7 @@ class MomentumChecks(Touching):
             self.tallies["free"].judge(
                 c, norm(got[alone]) / mass[alone], {"digits of v and t": allowed[alone] / mass[alone]}, who, members
             )
-        self.tallies["free"].skip(int((size > 0).sum() - len(alone)), "the disk may have touched something")
+        self.tallies["free"].skip(int((size > 0).sum() - len(alone)), "the body may have touched something")
         tally = self.tallies["momentum"]
         several = np.flatnonzero(clear & (size > 1))
         who, members = self._group_words(touch, several, use)
@@ -203,7 +203,7 @@ class MomentumChecks(Touching):
                  "dashpots that pull at the ends of contacts": np.array([start["pulls"]]),
                  "round-off of the sum": np.array([self.eps * steps * float((mass * speed)[use].sum())])}  # fmt: skip
         at = np.flatnonzero(use)
-        self.tallies["momentum"].judge(c, value, parts, lambda _: "all disks since the start", lambda _: at)
+        self.tallies["momentum"].judge(c, value, parts, lambda _: "all bodies since the start", lambda _: at)
 
     def _pulls(self, interval: Interval) -> FloatArray:
         """Impulse by which dashpots of walls may pull each group in an interval [N s]."""

@@ -176,7 +176,7 @@ PLANTED: dict[str, tuple[str, str, str, Edit, str]] = {
     "one mass is wrong": (
         "free", FREE, "momentum", lambda table: table.assign(mass=table.mass * np.where(table.id == 12, 1.001, 1.0)), "",
     ),
-    "times are off by 1 %": ("box", told(), "motion", lambda table: table.assign(t=1.01 * table.t), "is time.dt"),
+    "times are off by 1 %": ("box", told(), "motion", lambda table: table.assign(t=1.01234567 * table.t), "is time.dt"),
     "a place jumps": ("box", told(), "motion", moved(3, "z", 1e-6, 0.0095, 0.0105), "sphere 3"),
     "a velocity jumps": ("box", told(), "free", moved(3, "vy", 1e-7, 0.0095), "sphere 3"),
     "springs are four times as stiff": ("box", told().replace("kn = 1e5", "kn = 4e5"), "energy", lambda table: table, ""),
