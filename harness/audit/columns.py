@@ -251,7 +251,7 @@ def sample_roundings(
                 if (
                     here is not None
                     and len(tokens[here].seen) < 5000
-                    and re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?\d+)?\s*", word)
+                    and re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", word)
                 ):
                     tokens[here].seen.add(word.strip())
     return roundings_of(tokens)
