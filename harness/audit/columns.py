@@ -147,10 +147,10 @@ def halved_rounding(rounding: dict[str, Rounding]) -> dict[str, Rounding]:
 
 
 def require(found: Mapping[str, str], names: Sequence[str], path: Path, needed: Sequence[str] = ("x", "y")) -> None:
+    """Refuse a file without a needed column, by name."""
     if lacking := [name for name in needed if name not in found.values()]:
-        scaled = " (xs and ys are fractions of the box: dump x y or xu yu)" if "xs" in names else ""
         raise UsageError(
-            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {one_line(', '.join(names))[:300]}{scaled}: "
+            f"{path}, line 1: there is no column {' and no '.join(lacking)} among {one_line(', '.join(names))[:300]}: "
             f'name it in the TOML, [columns] {lacking[0]} = "NAME"'
         )
 

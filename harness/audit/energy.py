@@ -46,8 +46,8 @@ class EnergyChecks(Touching):
             parts["engine's step"] += groups_of(touch, 0.5 * dt * squeeze * norm(state.v), use)
         # Masses and radii of the file have digits as well: of what each body gained by itself.
         share = bodies.em / bodies.mass
-        own = [self._body_energies(state, use)[0] for state in (b, c)]
-        parts["digits"] += groups_of(touch, share * np.abs(own[1] - own[0]), use)
+        ends = [self._body_energies(state, use)[0] for state in (b, c)]
+        parts["digits"] += groups_of(touch, share * np.abs(ends[1] - ends[0]), use)
         if b.omega is not None and c.omega is not None:
             turned = np.abs((np.nan_to_num(c.omega) ** 2).sum(1) - (np.nan_to_num(b.omega) ** 2).sum(1))
             parts["digits"] += groups_of(touch, bodies.inertia * turned * bodies.er / bodies.radius, use)
@@ -171,7 +171,7 @@ class EnergyChecks(Touching):
         # A residual within the solver's tolerance would make it infeasible: the rays' own sum of the impulse starts inside.
         scale = float(np.abs(speed).max()) or 1.0
         result = linprog(-speed / scale, A_eq=cone.rays.T, b_eq=impulse / size, method="highs")
-        if result.status == 3 or result.x is None:
+        if result.status == 3 or result.fun is None:
             return None
         best = -float(result.fun) * scale * size
         return max(best, 0.0) + (err + 1e-9 * size) * scale
@@ -226,7 +226,9 @@ class EnergyChecks(Touching):
                     lambda _: "all bodies, since their least energy",
                     lambda _: at,
                 )
-        budget = least["high"] + least["err"] + least.get("lag", 0.0) if np.isfinite(least["high"]) else (high if np.isfinite(high) else np.inf)
+        budget = high
+        if np.isfinite(least["high"]):
+            budget = least["high"] + least["err"] + least.get("lag", 0.0)
         if high <= least["high"]:
             least = {"high": high, "err": doubt, "use": use, "lag": lag}
         self._least = least

@@ -17,7 +17,7 @@ EDGES = 24
 """Rays that stand for a cone of friction in space, drawn around it: 0.9 % wider than the cone at most, so that none inside is accused."""
 
 
-def norm(array: FloatArray) -> Any:
+def norm(array: Any) -> Any:
     """Lengths of vectors, the last axis."""
     array = np.asarray(array)
     return np.sqrt(np.einsum("...i,...i->...", array, array))

@@ -61,7 +61,7 @@ def infer_scene(path: Path) -> Inferred:
     else:
         lines.append(f"# gravity = {example}  # MISSING")
         lacking.append(
-            f"gravity = {example}: {_why_no_gravity(trajectory, columns, times)}; {'[0, 0]' if d == 2 else '[0, 0, 0]'} where there is none"
+            f"gravity = {example}: {_why_no_gravity(columns, times)}; {'[0, 0]' if d == 2 else '[0, 0, 0]'} where there is none"
         )
     lines.append(
         'walls = "unknown"  # MISSING: [[walls]] tables (--example shows them), or walls = [] where there are none'
@@ -129,7 +129,7 @@ def _clock(trajectory: Trajectory, frames: list[Frame]) -> tuple[FloatArray | No
     return t, None, ""
 
 
-def _why_no_gravity(trajectory: Trajectory, columns: dict[str, FloatArray], times: FloatArray | None) -> str:
+def _why_no_gravity(columns: dict[str, FloatArray], times: FloatArray | None) -> str:
     if times is None:
         return "without times no acceleration is known"
     if "radius" not in columns:

@@ -107,7 +107,7 @@ class _Dump:
                 del self.found[axis]
                 self.found[f"{axis}u"] = axis
         if "x" in needed:
-            known = {**self.found, **{name: axis for name, axis in self.scaled.items()}}
+            known = {**self.found, **self.scaled}
             require(known, self.names, path, needed)
         else:
             require(self.found, self.names, path, needed)

@@ -171,7 +171,8 @@ class MomentumChecks(Touching):
         self._total_momentum(c, got, allowed, use, anchored, cones, float(pulls.sum()))
 
     def _total_momentum(
-        self, c: State, got: FloatArray, allowed: FloatArray, use: NDArray[np.bool_], anchored: NDArray[np.bool_], cones: Mapping[int, Cone | None], pulls: float,
+        self, c: State, got: FloatArray, allowed: FloatArray, use: NDArray[np.bool_], anchored: NDArray[np.bool_],
+        cones: Mapping[int, Cone | None], pulls: float,
     ) -> None:  # fmt: skip
         """Sums since the start: what every interval hides in its digits adds up."""
         start = self._start
@@ -217,7 +218,7 @@ class MomentumChecks(Touching):
         speed = np.maximum(((c.v[on] - walls) * poses.normal[w]).sum(axis=1), 0.0)
         friction = 1.0 + max([0.0, *(mu or 0.0 for mu in self.scene.wall_mu)])
         most = self.scene.pulling * friction * self.bodies.mass[on] * np.nan_to_num(speed)
-        return np.bincount(touch.label[on], most, touch.groups)
+        return np.bincount(touch.label[on], most, touch.groups).astype(float)
 
     def _cone(self, code: int, b: State, c: State) -> Cone | None:
         """Impulses that some walls may give; None: any."""

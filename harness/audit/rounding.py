@@ -90,6 +90,7 @@ def _decimals(token: str) -> int:
 
 
 def roundings_of(tokens: Mapping[str, Tokens]) -> dict[str, Rounding]:
+    """Rule of each column; the most digits of any where one shows too few."""
     most = max((_significant(token) for each in tokens.values() for token in each.seen), default=1)
     return {name: each.rounding(most) for name, each in tokens.items()}
 

@@ -115,8 +115,8 @@ def in_dimension(trajectory: Trajectory, scene: AuditScene) -> Trajectory:
         return in_plane(trajectory)
     if trajectory.names and "z" not in trajectory.names:
         raise UsageError(
-            f"{trajectory.path} has no column z, and the TOML is of space: write vectors of two numbers (dimension = 2), or name the column "
-            'by [columns] z = "NAME"'
+            f"{trajectory.path} has no column z, and the TOML is of space: write vectors of two numbers (dimension = 2), or name the "
+            'column by [columns] z = "NAME"'
         )
     return trajectory
 
@@ -198,7 +198,9 @@ def _record(
     return {
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
         "t": [auditor.totals[0]["t"], auditor.totals[-1]["t"]], "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
-        "dt": scene.dt, "dimension": scene.dimension, "noun": bodies.noun, "remarks": list(trajectory.remarks), "digits": dict(auditor.digits), "walls": [wall.name for wall in scene.walls],
+        "dt": scene.dt, "dimension": scene.dimension,
+        "noun": bodies.noun, "remarks": list(trajectory.remarks), "digits": dict(auditor.digits),
+        "walls": [wall.name for wall in scene.walls],
         "told": {
             "gravity": scene.gravity.tolist(), "mu": scene.mu, "kn": scene.kn, "ks": scene.ks, "restitution": scene.restitution,
             "rigid": scene.rigid, "slop": scene.slop, "damping": scene.damping,

@@ -435,7 +435,9 @@ def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: s
 def _walls(
     reader: _Reader, given: Any, common: Mapping[str, float | None], dimension: int
 ) -> list[tuple[AnyWall, dict[str, float | None]]]:
-    kind, part = (Wall, WallSegment) if dimension == 2 else (PlaneWall, PlaneSegment)
+    kind: Any = Wall if dimension == 2 else PlaneWall
+    part: Any = WallSegment if dimension == 2 else PlaneSegment
+    numbers = "two" if dimension == 2 else "three"
     if not isinstance(given, list) or not all(isinstance(wall, dict) for wall in given):
         raise reader.wrong(
             "",
@@ -443,13 +445,13 @@ def _walls(
             given,
             'write one [[walls]] table a wall: name, point, normal, and mu, motion if any; "unknown" where nobody knows',
         )
-    made = []
+    made: list[tuple[AnyWall, dict[str, float | None]]] = []
     for number, wall in enumerate(given):
         reader.known(wall, "walls")
         name = wall.get("name", f"wall {number}")
         if lacking := [key for key in ("point", "normal") if key not in wall]:
             raise UsageError(
-                f"{reader.place('walls', 'name')}: wall {name!r} lacks {' and '.join(lacking)}: {'two' if dimension == 2 else 'three'} numbers each"
+                f"{reader.place('walls', 'name')}: wall {name!r} lacks {' and '.join(lacking)}: {numbers} numbers each"
             )
         law = {
             key: common[key] if key not in wall else reader.number(wall, "walls", key, strict=key == "kn")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.audit.geometry import cross, norm
 from ninedisk.harness.audit.tally import State, Tally
-from ninedisk.harness.audit.touching import Interval, Touching, first_members, groups_of, wall_sets
+from ninedisk.harness.audit.touching import Contacts, Interval, Touching, first_members, groups_of, wall_sets
 
 TURNED = 0.2
 """Turn of a normal within an interval [rad] up to which arms of single bodies are named."""
@@ -110,7 +110,7 @@ class SpinChecks(Touching):
         )
         tally.skip(int((anchored & (size > 0)).sum()), "fixed bodies take angular momentum")
 
-    def _pairs_alone(self, touch: Any, size: FloatArray, clear: NDArray[np.int64]) -> dict[int, int]:
+    def _pairs_alone(self, touch: Contacts, size: NDArray[Any], clear: NDArray[np.int64]) -> dict[int, int]:
         """Group -> its one pair, of groups of two bodies."""
         two = np.zeros(touch.groups, dtype=bool)
         two[clear] = size[clear] == 2

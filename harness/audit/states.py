@@ -223,6 +223,7 @@ def _bodies(
     path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapping[str, FloatArray], rounding: Mapping[str, Rounding]
 ) -> Bodies:  # fmt: skip
     unique, first = np.unique(ids, return_index=True)
+    noun = NOUN[scene.dimension]
 
     def fact(name: str, given: Fact | None) -> FloatArray | None:
         """What the TOML gives, else the file."""
@@ -240,7 +241,7 @@ def _bodies(
         array = np.broadcast_to(np.asarray(given, dtype=float), np.shape(given) or (len(unique),))
         if len(array) != len(unique):
             raise UsageError(
-                f"disks.{name} has {len(array)} numbers, and {path} begins with {len(unique)} {NOUN[scene.dimension]}s: give one for each, ids in order"
+                f"disks.{name} has {len(array)} numbers, and {path} begins with {len(unique)} {noun}s: give one for each, ids in order"
             )
         return np.array(array)
 
@@ -259,7 +260,7 @@ def _bodies(
     for name, values in (("radius", radius), ("mass", mass)):
         if wrong := np.flatnonzero(~(np.isfinite(values) & (values > 0.0))).tolist():
             raise UsageError(
-                f"{path}: the {name} of {NOUN[scene.dimension]} {unique[wrong[0]]} is {values[wrong[0]]:g}; it must be > 0 (TOML: [disks] {name})"
+                f"{path}: the {name} of {noun} {unique[wrong[0]]} is {values[wrong[0]]:g}; it must be > 0 (TOML: [disks] {name})"
             )
     if missing_ids := sorted(set(scene.fixed) - set(unique.tolist())):
         raise UsageError(f"disks.fixed names {missing_ids[0]}, which is no id of the first frame of {path}")

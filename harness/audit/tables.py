@@ -34,6 +34,7 @@ ROWS = 200_000
 
 
 def read_text(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
+    """A table in text: a line of names, then a row for each body and frame."""
     with open_file(path) as stream:
         head = stream.readline()
     sep = next((mark for mark in (",", ";", "\t") if mark in head), None)
@@ -70,6 +71,7 @@ def read_text(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
 
 
 def read_parquet(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
+    """The same in Parquet."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -209,6 +211,7 @@ def vector_columns(arrays: Mapping[str, NDArray[Any]]) -> dict[str, FloatArray]:
 
 
 def archive(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of an archive of NumPy."""
     try:
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}

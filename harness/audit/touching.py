@@ -21,7 +21,7 @@ EPS = 2.0**-52
 
 @dataclass(frozen=True)
 class Contacts:
-    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which of them cross a periodic edge."""
+    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge."""
 
     pairs: NDArray[np.int64]
     walled: NDArray[np.int64]
@@ -279,6 +279,7 @@ def wall_sets(touch: Contacts, walls: int) -> NDArray[np.int64]:
 
 
 def of_walls(touch: Contacts, n: int) -> NDArray[np.bool_]:
+    """Bodies that may have touched a wall."""
     found = np.zeros(n, dtype=bool)
     found[touch.walled[:, 0]] = True
     return found

@@ -47,25 +47,30 @@ def audit(
     ] = None,
 ) -> None:
     """Check conservation laws and friction in a trajectory of any program: momentum, angular momentum, energy, overlaps, the friction
-    cone, jumps, lost disks. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
+    cone, jumps, lost bodies. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
-    FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row for each disk and frame, or an .npz of whole
-    arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Required columns are t or step, x
-    and y. Optional ones are id, type, vx, vy, omega, angle, radius, mass. The TOML gives other names of columns, masses, walls and
-    their motion, mu, kn, gravity and the step. Only the plane x, y is read.
+    FILE is a LAMMPS or LIGGGHTS dump in text (.gz as well), a table (.csv, .parquet) with a row for each body and frame, or an .npz
+    of whole arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Disks in the plane need
+    x and y, spheres in space x, y and z. Optional columns are id, type, vx, vy, vz, omega or omegax, omegay, omegaz, angle, radius or
+    diameter, mass.
+
+    The TOML gives what the file lacks: other names of columns, masses, walls and their motion, mu, kn, gravity, the step. Vectors of
+    three numbers make it a scene in space. Without a TOML the command prints one with what the file shows, and names what it lacks.
 
     An allowance has three parts, and each verdict names those that count: the printed digits, contacts at unknown instants between
     two frames, and the error of a sound scheme's step. The more is given (dt, kn, ks, mu) and the denser the frames, the more can be
-    decided. Disks that may have touched form a group. A group away from walls keeps momentum and angular momentum. The impulse of a
+    decided. Bodies that may have touched form a group. A group away from walls keeps momentum and angular momentum. The impulse of a
     wall lies in its cone of friction. A group gains energy only from moving walls.
 
-    A --json file has checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id, verdict, said,
-    judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t and disks.
+    A --json file has dimension, checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id,
+    verdict, said, judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t, disks.
 
     \b
     Examples:
       ninedisk audit --example sample
       ninedisk audit sample/trajectory.csv
+      ninedisk audit dump.lammpstrj
+      ninedisk audit dump.lammpstrj --write-scene run.toml
       ninedisk audit dump.lammpstrj --scene run.toml --out audit
       ninedisk audit frames/ --scene run.toml --json audit.json
 

@@ -130,7 +130,7 @@ def empty(frames: Frames, rng: random.Random, kind: str) -> str:
     return joined(frames)
 
 
-def frames_back(frames: Frames, rng: random.Random, kind: str) -> str:
+def frames_back(frames: Frames, rng: random.Random, _: str) -> str:
     a, b = rng.sample(range(1, len(frames)), 2)
     frames[a], frames[b] = frames[b], frames[a]
     return joined(frames)
