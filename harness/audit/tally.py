@@ -1,4 +1,4 @@
-"""What one check has found: comparisons, the first and the worst, and what could not be compared; states that it is told of."""
+"""What one check has found: comparisons, the first and the worst, and what could not be compared; the states that it judges."""
 
 from __future__ import annotations
 

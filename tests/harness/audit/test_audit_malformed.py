@@ -51,7 +51,7 @@ def dump() -> list[list[str]]:
 
 
 def table() -> list[list[str]]:
-    """The same as a table, its head a frame of its own."""
+    """The same as a table, its head a separate frame."""
     made = [["t," + NAMES.replace(" ", ",")]]
     for k, frame in enumerate(rows()):
         made.append([f"{0.01 * k:g}," + ",".join(f"{each:.12g}" for each in row) for row in frame])

@@ -33,7 +33,7 @@ contact = {{mu = {mu}, kn = 1e5, ks = 8e4}}
 """
 
 
-def told(*, g: float = -9.81, mu: float = 0.3, walls: int = 5, motion: str = "") -> str:
+def scene_toml(*, g: float = -9.81, mu: float = 0.3, walls: int = 5, motion: str = "") -> str:
     """The TOML of a run, with the first so many walls."""
     tables = [
         f'[[walls]]\nname = "{name}"\npoint = {list(point)}\nnormal = {list(normal)}\n'
@@ -94,7 +94,7 @@ RUNS: dict[str, Callable[[], SphereScene]] = {
     "shaken": lambda: box(motion=(SHAKEN,)),
     "turned": lambda: box(motion=(TURNED,)),
 }
-FREE = told(g=0.0, walls=0)
+FREE = scene_toml(g=0.0, walls=0)
 
 
 def judged(folder: Path, table: pd.DataFrame, toml: str, digits: str = "%.9g") -> dict[str, dict[str, Any]]:
@@ -114,17 +114,17 @@ def violated(checks: dict[str, dict[str, Any]]) -> set[str]:
 @pytest.mark.parametrize(
     ("key", "toml", "digits"),
     [
-        ("box", told(), "%.9g"),
-        ("box", told(), "%.17g"),
-        ("box", told(), "%.6g"),
-        ("arms of R", told(), "%.9g"),
+        ("box", scene_toml(), "%.9g"),
+        ("box", scene_toml(), "%.17g"),
+        ("box", scene_toml(), "%.6g"),
+        ("arms of R", scene_toml(), "%.9g"),
         ("free", FREE, "%.9g"),
         ("free, arms of R", FREE, "%.9g"),
-        ("smooth", told(mu=0.0), "%.9g"),
-        ("rough", told(mu=0.5), "%.9g"),
-        ("shaken", told(motion="{amplitude = [0.0, 0.0, 0.003], frequency = 100.0}"), "%.9g"),
-        ("turned", told(motion="{angular_velocity = [0.5, 0.0, 4.0], pivot = [0.2, 0.2, 0.0]}"), "%.9g"),
-        ("box", "gravity = [0.0, 0.0, -9.81]\n" + told()[told().index("[[walls]]") :], "%.9g"),
+        ("smooth", scene_toml(mu=0.0), "%.9g"),
+        ("rough", scene_toml(mu=0.5), "%.9g"),
+        ("shaken", scene_toml(motion="{amplitude = [0.0, 0.0, 0.003], frequency = 100.0}"), "%.9g"),
+        ("turned", scene_toml(motion="{angular_velocity = [0.5, 0.0, 4.0], pivot = [0.2, 0.2, 0.0]}"), "%.9g"),
+        ("box", "gravity = [0.0, 0.0, -9.81]\n" + scene_toml()[scene_toml().index("[[walls]]") :], "%.9g"),
     ],
 )
 def test_a_right_run_is_not_accused(tmp_path: Path, key: str, toml: str, digits: str) -> None:
@@ -135,7 +135,7 @@ def test_a_right_run_is_not_accused(tmp_path: Path, key: str, toml: str, digits:
 
 def test_a_right_run_is_not_accused_when_frames_are_rare(tmp_path: Path) -> None:
     table = run("box")
-    assert violated(judged(tmp_path, table[table.t.mul(1e3).round() % 13 == 0], told())) == set()
+    assert violated(judged(tmp_path, table[table.t.mul(1e3).round() % 13 == 0], scene_toml())) == set()
 
 
 def frozen(*bodies: int) -> Edit:
@@ -159,34 +159,34 @@ def moved(body: int, column: str, by: float, begin: float, end: float = 9.0) -> 
 
 
 PLANTED: dict[str, tuple[str, str, str, Edit, str]] = {
-    "gravity is 9.80 for 9.81": ("box", told(g=-9.8), "free", lambda table: table, ""),
-    "gravity points elsewhere": ("box", told().replace("[0.0, 0.0, -9.81]", "[0.0, -9.81, 0.0]"), "free", lambda t: t, ""),
-    "a wall is missing": ("box", told(walls=4), "free", lambda table: table, ""),
-    "a wall stands elsewhere": ("box", told().replace("[0.4, 0.0, 0.0]", "[0.5, 0.0, 0.0]"), "free", lambda t: t, ""),
-    "a floor that moves is taken as resting": ("shaken", told(), "energy", lambda table: table, ""),
-    "friction beyond the cone": ("rough", told(mu=0.3), "momentum", lambda table: table, ""),
-    "friction of smooth contacts": ("box", told(mu=0.0), "spin", lambda table: table, ""),
+    "gravity is 9.80 for 9.81": ("box", scene_toml(g=-9.8), "free", lambda table: table, ""),
+    "gravity points elsewhere": ("box", scene_toml().replace("[0.0, 0.0, -9.81]", "[0.0, -9.81, 0.0]"), "free", lambda t: t, ""),
+    "a wall is missing": ("box", scene_toml(walls=4), "free", lambda table: table, ""),
+    "a wall stands elsewhere": ("box", scene_toml().replace("[0.4, 0.0, 0.0]", "[0.5, 0.0, 0.0]"), "free", lambda t: t, ""),
+    "a floor that moves is taken as resting": ("shaken", scene_toml(), "energy", lambda table: table, ""),
+    "friction beyond the cone": ("rough", scene_toml(mu=0.3), "momentum", lambda table: table, ""),
+    "friction of smooth contacts": ("box", scene_toml(mu=0.0), "spin", lambda table: table, ""),
     "one body does not turn": ("free", FREE, "spin", frozen(12), "sphere 12 by an arm of 0 R"),
     "no body turns": ("free", FREE, "spin", frozen(), "by an arm of 0 R"),
-    "no body turns, in a box": ("box", told(), "spin", frozen(), ""),
+    "no body turns, in a box": ("box", scene_toml(), "spin", frozen(), ""),
     "a spin with the wrong sign": ("free", FREE, "spin", lambda table: table.assign(omegay=-table.omegay), ""),
     "inertia of disks": ("free", FREE + "spheres = {inertia = 0.5}\n", "spin", lambda table: table, ""),
-    "diameter for radius": ("box", told(), "overlap", lambda table: table.assign(radius=2.0 * table.radius), "diameters"),
-    "half of the radius": ("box", told(), "free", lambda table: table.assign(radius=0.5 * table.radius), "halves"),
+    "diameter for radius": ("box", scene_toml(), "overlap", lambda table: table.assign(radius=2.0 * table.radius), "diameters"),
+    "half of the radius": ("box", scene_toml(), "free", lambda table: table.assign(radius=0.5 * table.radius), "halves"),
     "one mass is wrong": (
         "free", FREE, "momentum", lambda table: table.assign(mass=table.mass * np.where(table.id == 12, 1.001, 1.0)), "",
     ),
-    "times are off by 1 %": ("box", told(), "motion", lambda table: table.assign(t=1.01234567 * table.t), "is time.dt"),
-    "a place jumps": ("box", told(), "motion", moved(3, "z", 1e-6, 0.0095, 0.0105), "sphere 3"),
-    "a velocity jumps": ("box", told(), "free", moved(3, "vy", 1e-7, 0.0095), "sphere 3"),
-    "springs are four times as stiff": ("box", told().replace("kn = 1e5", "kn = 4e5"), "energy", lambda table: table, ""),
+    "times are off by 1 %": ("box", scene_toml(), "motion", lambda table: table.assign(t=1.01234567 * table.t), "is time.dt"),
+    "a place jumps": ("box", scene_toml(), "motion", moved(3, "z", 1e-6, 0.0095, 0.0105), "sphere 3"),
+    "a velocity jumps": ("box", scene_toml(), "free", moved(3, "vy", 1e-7, 0.0095), "sphere 3"),
+    "springs are four times as stiff": ("box", scene_toml().replace("kn = 1e5", "kn = 4e5"), "energy", lambda table: table, ""),
     "arms are R and stated otherwise": (
         "free, arms of R", FREE.replace("ks", 'lever_arm = "overlap", ks'), "spin", lambda t: t, 'is it lever_arm = "radius"',
     ),
     "arms are shorter and stated as R": (
         "free", FREE.replace("ks", 'lever_arm = "radius", ks'), "spin", lambda table: table, 'is it lever_arm = "overlap"',
     ),
-    "a sphere is lost": ("box", told(), "particles", lambda t: t[~((t.id == 3) & (t.t > 0.05))], "lost: 3"),
+    "a sphere is lost": ("box", scene_toml(), "particles", lambda t: t[~((t.id == 3) & (t.t > 0.05))], "lost: 3"),
 }  # fmt: skip
 
 
