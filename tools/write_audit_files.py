@@ -3,7 +3,7 @@
 Each folder holds a file of the engine's own format and ``run.toml``; ``expected.json`` maps each of them to the checks that must be
 violated (none of a right run). ``--judge`` audits all of them and fails if one differs.
 
-    python tools/write_audit_files.py /tmp/audit --judge
+    python tools/write_audit_files.py audit-files --judge
 """
 
 from __future__ import annotations

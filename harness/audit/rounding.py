@@ -63,7 +63,9 @@ class Tokens:
         values = [token for token in self.seen if float(token) != 0.0]
         finite = np.array([float(token) for token in values])
         finite = finite[np.isfinite(finite)]
-        if len(finite) >= VARIED and (finite == finite.astype(np.float32)).all():
+        with np.errstate(over="ignore"):
+            single = len(finite) >= VARIED and bool((finite == finite.astype(np.float32)).all())
+        if single:
             return Rounding(bits=24)
         plain = {_decimals(token) for token in self.seen} if not any("e" in t.lower() for t in self.seen) else set()
         if len(plain) == 1 and (decimals := plain.pop()) > 0 and any(token.endswith("0") for token in self.seen):
