@@ -64,6 +64,20 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             return ""
         return f"; over all, positions move {scale:.4g} times as far as velocities say: is time.dt, time.interval or a unit wrong?"
 
+    def velocity_remark(self) -> str:
+        """Whether velocities in free flight are those of half a step before the positions, or after; empty: of the same instant.
+
+        Then positions move by ``h (v0 + v1)/2`` and half a step of the change of velocity more, or less.
+        """
+        dt = self.scene.dt
+        along, size, doubt = self._lag
+        if dt is None or size == 0.0 or doubt > 0.05 * dt * size:
+            return ""
+        share = along / size / dt
+        if abs(abs(share) - 0.5) > 0.1:
+            return ""
+        return f"velocities are those of half a step {'before' if share > 0.0 else 'after'} the positions"
+
     # One interval, from b to c; a and d are its neighbours.
 
     def _interval(self, a: State | None, b: State, c: State, d: State | None) -> None:

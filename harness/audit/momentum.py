@@ -48,6 +48,13 @@ class MomentumChecks(Touching):
         tally = self.tallies["motion"]
         said = h * 0.5 * (b.v + c.v)[use]
         self._ways += [(said * (c.x - b.x)[use]).sum(), (said * said).sum()]
+        if self.has_velocity:
+            free = use & ~met
+            self._lag += [
+                (r[free] * jump[free]).sum(),
+                (jump[free] ** 2).sum(),
+                np.linalg.norm((ex[free, None] * jump[free]).ravel()),
+            ]
         if not self.has_velocity:
             tally.skip(1, "velocities are differences of the positions: add vx, vy")
             self._second_differences(a, b, c, use & ~met, h)

@@ -199,7 +199,7 @@ def _record(
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
         "t": [auditor.totals[0]["t"], auditor.totals[-1]["t"]], "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
         "dt": scene.dt, "dimension": scene.dimension,
-        "noun": bodies.noun, "remarks": list(trajectory.remarks), "digits": dict(auditor.digits),
+        "noun": bodies.noun, "remarks": [*trajectory.remarks, *filter(None, [auditor.velocity_remark()])], "digits": dict(auditor.digits),
         "walls": [wall.name for wall in scene.walls],
         "told": {
             "gravity": scene.gravity.tolist(), "mu": scene.mu, "kn": scene.kn, "ks": scene.ks, "restitution": scene.restitution,

@@ -76,8 +76,7 @@ class Touching:
         self._least: dict[str, Any] | None = None
         self._cache: dict[int, Any] = {}
         self._ways = np.zeros(2)
-        self._lag = np.zeros(2)
-        self._fits = np.zeros(2, dtype=np.int64)
+        self._lag = np.zeros(3)
         self._clear: NDArray[np.bool_] | None = None
         self.frames = 0
         self.intervals: list[float] = []

@@ -101,6 +101,20 @@ def test_times_packed_and_units(tmp_path: Path) -> None:
     assert "units cgs" in judged(tmp_path / "c.dump")["remarks"][0]
 
 
+@pytest.mark.parametrize(("lag", "words"), [(0.5, "half a step before"), (-0.5, "half a step after"), (0.0, "")])
+def test_velocities_of_half_a_step_are_named(tmp_path: Path, lag: float, words: str) -> None:
+    """YADE's are those of half a step before the positions."""
+    rows = []
+    for k in range(12):
+        x, v = flight(k)
+        v = v + np.array([0.0, 0.0, G * lag * 1e-4])
+        rows += [",".join(f"{each:.12g}" for each in (0.05 * k, i, *x[i], *v[i], 0.05, 1.0)) for i in range(4)]
+    (tmp_path / "a.csv").write_text("t,id,x,y,z,vx,vy,vz,radius,mass\n" + "\n".join(rows) + "\n")
+    record = judged(tmp_path / "a.csv")
+    assert violated(record) == set()
+    assert any(words in remark for remark in record["remarks"]) if words else record["remarks"] == []
+
+
 def test_a_box_that_changes_is_refused(tmp_path: Path) -> None:
     one, two = (dump("id x y z vx vy vz radius mass", frames=n) for n in (2, 3))
     (tmp_path / "a.dump").write_text(one + two[len(one) :].replace("1.375", "1.5"))
