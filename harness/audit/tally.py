@@ -35,7 +35,7 @@ Words = Callable[[int], str]
 class State:
     """One frame, bodies in the order of the first frame's ids; errors are half units of the last printed place, NaN where a body lacks.
 
-    With n bodies, d components of vectors and k of turning (1 in the plane, 3 in space): x, v, force (n, d), omega, angle, torque (n, k).
+    With n bodies, d components of vectors and k of turning (1 in the plane, 3 in space): x, v (n, d), omega, angle (n, k).
     ``cell`` has the edges along which everything repeats, shape (p, d); ``x`` then goes on where a body is put back into the box.
     """
 
@@ -52,10 +52,6 @@ class State:
     eo: FloatArray
     ea: FloatArray
     here: NDArray[np.bool_]
-    force: FloatArray | None = None
-    torque: FloatArray | None = None
-    ef: FloatArray | None = None
-    eq: FloatArray | None = None
     cell: FloatArray | None = None
 
 
