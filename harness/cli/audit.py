@@ -28,7 +28,9 @@ def audit(
     scene: Annotated[
         Path | None,
         typer.Option(
-            "--scene", metavar="FILE", help="The TOML. None: FILE with the ending .toml, or audit.toml beside it."
+            "--scene",
+            metavar="FILE",
+            help="The TOML. None: FILE with the ending .toml, or audit.toml beside it; else what FILE shows.",
         ),
     ] = None,
     json_file: Annotated[
