@@ -181,7 +181,11 @@ def encode_answer(answer: Answer) -> str:
                 **fields,
                 "force_meaning": history.force_meaning,
                 "energy": {name: _lists(series) for name, series in history.energy.items()},
-                **{name: _lists(values) for name in OPTIONAL_ARRAYS if (values := getattr(history, name)) is not None},
+                **{
+                    name: _lists(values)
+                    for name in OPTIONAL_ARRAYS
+                    if (values := getattr(history, name)) is not None
+                },
             },
         },
         allow_nan=False,
