@@ -20,7 +20,7 @@ WIDTH, HEIGHT = 620.0, 360.0
 """Largest size of a picture [CSS pixels]."""
 CURVES = {
     "Energy [J]": {"kinetic": "kinetic", "potential": "gravity", "springs": "normal springs"},
-    "Momentum [N s]": {"px": "x", "py": "y"},
+    "Momentum [N s]": {"px": "x", "py": "y", "pz": "z"},
     "Deepest overlap [m]": {"overlap": "overlap"},
 }
 """Curves of what the disks have together: chart, column, name."""
@@ -88,7 +88,7 @@ def _totals(rows: Sequence[Mapping[str, float]]) -> list[PointChart]:
     made = []
     t = tuple(row["t"] for row in rows)
     for title, columns in CURVES.items():
-        reported = {column: name for column, name in columns.items() if any(row[column] for row in rows)}
+        reported = {column: name for column, name in columns.items() if any(row.get(column) for row in rows)}
         dots = [
             Dots(name, _look(name, k), t, tuple(row[column] for row in rows))
             for k, (column, name) in enumerate(reported.items())
@@ -101,8 +101,42 @@ def _totals(rows: Sequence[Mapping[str, float]]) -> list[PointChart]:
     return made
 
 
+def _flattened(picture: Mapping[str, Any]) -> tuple[Mapping[str, Any], str]:
+    """A picture of space as one of the plane, seen along the axis in which the marked bodies differ least; nearest bodies last."""
+    if len(picture["x"][0]) == 2:
+        return picture, ""
+    marked = set(picture["marked"])
+    chosen = [place for place, each in zip(picture["x"], picture["id"], strict=True) if each in marked] or picture["x"]
+    spread = [max(place[axis] for place in chosen) - min(place[axis] for place in chosen) for axis in range(3)]
+    depth = min((1, 0, 2), key=lambda axis: spread[axis])
+    a, b = (axis for axis in range(3) if axis != depth)
+    middle = sum(place[depth] for place in chosen) / len(chosen)
+    sign = -1.0 if depth == 1 else 1.0
+    # Before the marked bodies nothing is drawn, or it would hide them.
+    shown = [
+        k
+        for k, place in enumerate(picture["x"])
+        if picture["id"][k] in marked or sign * (place[depth] - middle) <= picture["radius"][k]
+    ]
+    shown.sort(key=lambda k: (picture["id"][k] in marked, sign * picture["x"][k][depth]))
+    walls = []
+    for name, *numbers in picture["walls"]:
+        point, normal = numbers[:3], numbers[3:]
+        if abs(normal[depth]) < 1e-9:
+            walls.append([name, point[a], point[b], normal[a], normal[b]])
+    flat = {
+        **picture,
+        "x": [[picture["x"][k][a], picture["x"][k][b]] for k in shown],
+        "radius": [picture["radius"][k] for k in shown],
+        "id": [picture["id"][k] for k in shown],
+        "walls": walls,
+    }
+    return flat, f"seen along {'xyz'[depth]}, {'xyz'[a]} to the right and {'xyz'[b]} up, without what is in front"
+
+
 def _picture(picture: Mapping[str, Any]) -> dict[str, Any]:
-    """Circles and lines in pixels, the marked disks and some room around them in the middle."""
+    """Circles and lines in pixels, the marked bodies and some space around them in the middle."""
+    picture, view = _flattened(picture)
     places, radii = picture["x"], picture["radius"]
     marked = set(picture["marked"])
     chosen = [k for k, each in enumerate(picture["id"]) if each in marked] or list(range(len(places)))
@@ -141,4 +175,5 @@ def _picture(picture: Mapping[str, Any]) -> dict[str, Any]:
         "lines": lines,
         "t": picture["t"],
         "step": picture["step"],
+        "view": view,
     }

@@ -11,7 +11,9 @@ from ninedisk.harness.results.whole_file import write_whole
 
 TOML = """\
 # What the trajectory does not say. Run:  ninedisk audit trajectory.csv
+# In space every vector has three numbers, and [disks] may be called [spheres].
 gravity = [0.0, -9.81]             # [m/s^2]
+# dimension = 2                    # or 3; the vectors say it as well
 # damping = 0.0                    # global damping [1/s]: m a + damping m v = F
 # reverse = "back.csv"             # a run from the end with all velocities reversed
 # open = true                      # disks may leave
@@ -23,8 +25,8 @@ dt = 1e-5                          # the engine's own step [s]; t = step x dt wh
 
 [disks]                            # one number, a list (ids in order), or by type {1 = 0.1, 2 = 0.2}
 radius = [0.1, 0.1, 0.15, 0.12]    # [m]; a column radius of the file does as well
-density = 1000.0                   # [kg/m^2]; or mass = ... [kg]
-inertia = "disk"                   # or "sphere", or I/(m R^2)
+density = 1000.0                   # [kg/m^2], in space [kg/m^3]; or mass = ... [kg]
+inertia = "disk"                   # or "sphere", also of spheres in a plane, or I/(m R^2)
 # fixed = [7, 8]                   # ids of disks that do not move freely
 
 [contact]                          # what is not given is not judged
@@ -33,9 +35,11 @@ kn = 1e6                           # [N/m], linear; or rigid = true, with slop =
 ks = 8e5                           # [N/m]
 restitution = 0.7                  # 1 with mu = 0: energy is kept as well
 # cohesive = true                  # contacts pull
+# pull = false                     # no dashpot pulls at the end of a contact
 # rolling = true                   # contacts resist rolling
+# lever_arm = "overlap"            # arms of shear forces: R less half the overlap, or "radius"; omitted: either
 
-[[walls]]                          # half-planes: a point, the normal into the free side
+[[walls]]                          # half-planes (walls = "unknown": nobody knows): a point, the normal into the free side
 name = "floor"
 point = [0.0, 0.0]
 normal = [0.0, 1.0]

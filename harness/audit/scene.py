@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +14,67 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.law import ContactLaw
-from ninedisk.core.scene.walls import Wall, WallSegment
+from ninedisk.core.scene.walls import AnyWall, PlaneSegment, PlaneWall, Wall, WallSegment
 from ninedisk.harness.api.errors import UsageError, close_matches
 
-COLUMNS = ("step", "t", "id", "type", "x", "y", "vx", "vy", "angle", "omega", "radius", "mass")
-"""What a trajectory may hold; ``x, y`` and one of ``step, t`` it must."""
-CONTACT_COLUMNS = ("step", "t", "i", "j", "fn", "fs")
-"""What a file of contacts holds: bodies by the ids of the trajectory, a wall by its name or by 0 where there is one alone."""
+COLUMNS = (
+    "step", "t", "id", "type", "x", "y", "z", "vx", "vy", "vz", "angle", "omega", "omegax", "omegay", "radius", "diameter", "mass",
+    "fx", "fy", "fz", "torque", "tqx", "tqy",
+)  # fmt: skip
+"""What a trajectory may hold; ``x, y`` and one of ``step, t`` it must. ``omega`` and ``torque`` are about z, also in space."""
+CONTACT_COLUMNS = (
+    "step",
+    "t",
+    "i",
+    "j",
+    "fn",
+    "fs",
+    "fsx",
+    "fsy",
+    "fsz",
+    "fx",
+    "fy",
+    "fz",
+    "fnx",
+    "fny",
+    "fnz",
+    "nx",
+    "ny",
+    "nz",
+)
+"""What a file of contacts holds: bodies by the ids of the trajectory, walls by negative numbers; see `ninedisk.harness.audit.forces`."""
+SAME_COLUMNS = {"omegaz": "omega", "tqz": "torque"}
 
+LEVER_ARMS = ("radius", "overlap", "torque-overlap")
+MOST_WALLS = 60
+"""Walls of a group are bits of an integer."""
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("gravity", "damping", "time", "disks", "contact", "walls", "columns", "contacts", "reverse", "open", "single"),
+    "": (
+        "dimension",
+        "gravity",
+        "damping",
+        "time",
+        "disks",
+        "spheres",
+        "contact",
+        "walls",
+        "columns",
+        "contacts",
+        "reverse",
+        "open",
+        "single",
+    ),
     "time": ("dt", "interval"),
     "disks": ("radius", "mass", "density", "inertia", "fixed"),
-    "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "rolling"),
+    "spheres": ("radius", "mass", "density", "inertia", "fixed"),
+    "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "pull", "rolling", "lever_arm"),
     "walls": ("name", "point", "normal", "mu", "kn", "ks", "motion"),
     "contacts": ("file", "columns"),
 }
 """Every key by its table."""
 
+INERTIA = {2: 0.5, 3: 0.4}
+"""Moment of inertia over m R^2 where none is given: of disks in the plane, of spheres in space."""
 LARGEST = 1e75
 """Numbers from here on count as no numbers: energies would overflow."""
 Fact = float | FloatArray | Mapping[int, float]
@@ -44,14 +87,22 @@ class AuditScene:
 
     Attributes
     ----------
-    gravity : ndarray, shape (2,)
+    gravity : ndarray, shape (2,) or (3,)
         Acceleration [m/s^2].
+    dimension : {2, 3}
+        Components of every vector.
+    stated_dimension : bool
+        Whether the TOML says so, by ``dimension`` or by a vector; else a file in space makes it 3.
+    lever_arm : {"radius", "overlap", "torque-overlap"} or None
+        Arms of shear forces between bodies, as in `ninedisk.core.ContactLaw`; None: either.
+    walls_known : bool
+        False: nothing is said of walls, and what they would explain is not judged.
     damping : float
         Global damping [1/s], m a + damping m v = F.
     dt, interval : float or None
         The engine's own step and the time between two frames [s].
     radius, mass, density : number, array, mapping or None
-        [m], [kg], [kg/m^2]; None: the file has it.
+        [m], [kg], [kg/m^2] or, in space, [kg/m^3]; None: the file has it.
     inertia : float
         Moment of inertia over m R^2: 1/2 of disks, 2/5 of spheres.
     fixed : tuple of int
@@ -61,8 +112,10 @@ class AuditScene:
     rigid : bool
         Contacts store no energy and are meant not to overlap, but by ``slop`` [m].
     cohesive, rolling : bool
-        Contacts pull; contacts resist rolling.
-    walls : tuple of Wall
+        Contacts attract; contacts resist rolling.
+    pull : bool
+        Dashpots may pull at the end of a contact; where the TOML does not say, those of soft contacts that lose energy may.
+    walls : tuple of Wall or PlaneWall
         Their laws hold mu, kn (1 where none is known) and ks.
     wall_kn : tuple of float or None
     columns, contact_columns : mapping
@@ -76,6 +129,11 @@ class AuditScene:
     """
 
     gravity: FloatArray
+    dimension: int = 2
+    stated_dimension: bool = True
+    lever_arm: str | None = None
+    walls_known: bool = True
+    inertia_given: bool = False
     damping: float = 0.0
     dt: float | None = None
     interval: float | None = None
@@ -92,7 +150,8 @@ class AuditScene:
     slop: float = 0.0
     cohesive: bool = False
     rolling: bool = False
-    walls: tuple[Wall, ...] = ()
+    pull: bool = True
+    walls: tuple[AnyWall, ...] = ()
     wall_mu: tuple[float | None, ...] = ()
     wall_kn: tuple[float | None, ...] = ()
     wall_ks: tuple[float | None, ...] = ()
@@ -103,10 +162,31 @@ class AuditScene:
     open: bool = False
     single: bool = False
 
+    def in_dimension(self, dimension: int) -> AuditScene:
+        """The same scene in another dimension, of one that states none."""
+        if dimension == self.dimension:
+            return self
+        inertia = self.inertia if self.inertia_given else INERTIA[dimension]
+        return replace(self, dimension=dimension, gravity=np.zeros(dimension), inertia=inertia)
+
     @property
     def conservative(self) -> bool:
         """Whether what is given leaves nothing that takes energy."""
         return self.restitution == 1.0 and not self.frictional and self.damping == 0.0 and not self.rolling
+
+    @property
+    def pulling(self) -> float:
+        """Most impulse by which a dashpot pulls at the end of a contact, over mass and speed: 2 beta^2, by the coefficient of restitution.
+
+        The force ``c v - kn overlap`` pulls from the overlap ``c v/kn`` on; its impulse is ``c^2 v/(2 kn) = 2 beta^2 m v``.
+        """
+        if not self.pull:
+            return 0.0
+        if not self.restitution:
+            return 2.0
+        log = float(np.log(self.restitution))
+        share = 2.0 * log * log / (np.pi**2 + log * log)
+        return float(min(2.0, share / max(1.0 - share, 0.5)))
 
     @property
     def frictional(self) -> bool:
@@ -117,10 +197,10 @@ class AuditScene:
 class _Reader:
     """Values of a TOML with the places where they stand, for messages."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, text: str | None = None) -> None:
         self.path = path
         try:
-            self.text = path.read_text(encoding="utf-8")
+            self.text = path.read_text(encoding="utf-8") if text is None else text
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(
                 f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): give a TOML by --scene "
@@ -174,15 +254,16 @@ class _Reader:
             raise self.wrong(where, key, value, f"it must be a number {'>' if strict else '>='} 0{bound}")
         return float(value)
 
-    def pair(self, data: Mapping[str, Any], where: str, key: str) -> FloatArray:
-        """Two numbers; zeros where they are not given."""
-        value = data.get(key, (0.0, 0.0))
+    def vector(self, data: Mapping[str, Any], where: str, key: str, dimension: int) -> FloatArray:
+        """So many numbers; zeros where they are not given."""
+        value = data.get(key, (0.0,) * dimension)
         try:
             array = np.array(value, dtype=float)
         except (TypeError, ValueError):
             array = np.empty(0)
-        if array.shape != (2,) or not (np.abs(array) < LARGEST).all():
-            raise self.wrong(where, key, value, "it must be two numbers, e.g. [0.0, -9.81]")
+        if array.shape != (dimension,) or not (np.abs(array) < LARGEST).all():
+            example = "two numbers, e.g. [0.0, -9.81]" if dimension == 2 else "three numbers, e.g. [0.0, 0.0, -9.81]"
+            raise self.wrong(where, key, value, f"it must be {example}")
         return array
 
     def flag(self, data: Mapping[str, Any], where: str, key: str) -> bool:
@@ -215,11 +296,11 @@ class _Reader:
     def names(self, data: Mapping[str, Any], where: str, allowed: tuple[str, ...]) -> dict[str, str]:
         """Names of columns."""
         for key, value in data.items():
-            if key not in allowed or not isinstance(value, str):
+            if SAME_COLUMNS.get(key, key) not in allowed or not isinstance(value, str):
                 raise self.wrong(
                     where, key, value, f'write NAME = "column of the file", NAME one of {", ".join(allowed)}'
                 )
-        return dict(data)
+        return {SAME_COLUMNS.get(key, key): value for key, value in data.items()}
 
 
 def _dotted_key(where: str, key: str) -> str:
@@ -234,49 +315,80 @@ def read_scene(path: Path) -> AuditScene:
     UsageError
         Naming file, line, column, value, allowed form.
     """
-    reader = _Reader(path)
+    return _scene_of(_Reader(path))
+
+
+def scene_of_text(text: str, name: str) -> AuditScene:
+    """The same out of a text without a file; ``name`` is for messages."""
+    return _scene_of(_Reader(Path(name), text))
+
+
+def _scene_of(reader: _Reader) -> AuditScene:
+    path = reader.path
     data = reader.data
     reader.known(data, "")
-    time, disks, contact, forces = (reader.table(data, "", key) for key in ("time", "disks", "contact", "contacts"))
-    for where, each in (("time", time), ("disks", disks), ("contact", contact), ("contacts", forces)):
+    if "disks" in data and "spheres" in data:
+        raise reader.wrong(
+            "", "spheres", data["spheres"], "the bodies are described by [disks] already; give one of the two"
+        )
+    named = "spheres" if "spheres" in data else "disks"
+    time, disks, contact, forces = (reader.table(data, "", key) for key in ("time", named, "contact", "contacts"))
+    for where, each in (("time", time), (named, disks), ("contact", contact), ("contacts", forces)):
         reader.known(each, where)
-    shape = disks.get("inertia", "disk")
+    dimension = _dimension(reader, data)
+    shape = disks.get("inertia", "disk" if (dimension or 2) == 2 else "sphere")
     shapes = {"disk": 0.5, "sphere": 0.4}
     if (
         not (isinstance(shape, str) and shape in shapes)
-        and reader.number(disks, "disks", "inertia", strict=True, most=1.0) is None
+        and reader.number(disks, named, "inertia", strict=True, most=1.0) is None
     ):
-        raise reader.wrong("disks", "inertia", shape, 'it must be "disk", "sphere" or I/(m R^2) in (0, 1]')
+        raise reader.wrong(named, "inertia", shape, 'it must be "disk", "sphere" or I/(m R^2) in (0, 1]')
     if "mass" in disks and "density" in disks:
-        raise reader.wrong(
-            "disks", "density", disks["density"], "masses are given already; give one of mass and density"
-        )
+        raise reader.wrong(named, "density", disks["density"], "masses are given already; give one of mass and density")
     fixed = disks.get("fixed", [])
     if not isinstance(fixed, list) or not all(isinstance(each, int) for each in fixed):
-        raise reader.wrong("disks", "fixed", fixed, "it must be a list of ids")
+        raise reader.wrong(named, "fixed", fixed, "it must be a list of ids")
     rigid, kn = reader.flag(contact, "contact", "rigid"), reader.number(contact, "contact", "kn", strict=True)
     if rigid and kn is not None:
         raise reader.wrong("contact", "rigid", rigid, "a contact with kn is not rigid; give one of the two")
     law = {key: reader.number(contact, "contact", key) for key in ("mu", "ks")}
-    walls = _walls(reader, data.get("walls", []), {**law, "kn": kn})
+    restitution = reader.number(contact, "contact", "restitution", most=1.0)
+    arm = contact.get("lever_arm")
+    if arm is not None and arm not in LEVER_ARMS:
+        raise reader.wrong(
+            "contact",
+            "lever_arm",
+            arm,
+            'it must be "radius" (R), "overlap" (R less half the overlap) or "torque-overlap"',
+        )
+    unknown = data.get("walls") == "unknown"
+    walls = _walls(reader, [] if unknown else data.get("walls", []), {**law, "kn": kn}, dimension or 2)
+    if len(walls) > MOST_WALLS:
+        raise UsageError(f"{path}: {len(walls)} walls; an audit takes {MOST_WALLS} at most")
     return AuditScene(
-        gravity=reader.pair(data, "", "gravity"),
+        gravity=reader.vector(data, "", "gravity", dimension or 2),
+        dimension=dimension or 2,
+        stated_dimension=dimension is not None,
+        lever_arm=arm,
+        walls_known=not unknown,
+        inertia_given="inertia" in disks,
         damping=reader.number(data, "", "damping") or 0.0,
         dt=reader.number(time, "time", "dt", strict=True),
         interval=reader.number(time, "time", "interval", strict=True),
-        radius=reader.fact(disks, "disks", "radius"),
-        mass=reader.fact(disks, "disks", "mass"),
-        density=reader.fact(disks, "disks", "density"),
+        radius=reader.fact(disks, named, "radius"),
+        mass=reader.fact(disks, named, "mass"),
+        density=reader.fact(disks, named, "density"),
         inertia=shapes[shape] if isinstance(shape, str) else float(shape),
         fixed=tuple(fixed),
         mu=law["mu"],
         kn=kn,
         ks=law["ks"],
-        restitution=reader.number(contact, "contact", "restitution", most=1.0),
+        restitution=restitution,
         rigid=rigid,
         slop=reader.number(contact, "contact", "slop") or 0.0,
         cohesive=reader.flag(contact, "contact", "cohesive"),
         rolling=reader.flag(contact, "contact", "rolling"),
+        pull=reader.flag(contact, "contact", "pull") if "pull" in contact else not rigid and restitution != 1.0,
         walls=tuple(wall for wall, _ in walls),
         wall_mu=tuple(given["mu"] for _, given in walls),
         wall_kn=tuple(given["kn"] for _, given in walls),
@@ -290,6 +402,26 @@ def read_scene(path: Path) -> AuditScene:
     )
 
 
+def _dimension(reader: _Reader, data: Mapping[str, Any]) -> int | None:
+    """2 or 3 by ``dimension``, gravity, or the first wall; None where nothing says."""
+    given = data.get("dimension")
+    if given is not None and (given not in (2, 3) or isinstance(given, bool)):
+        raise reader.wrong("", "dimension", given, "it must be 2 or 3")
+    walls = data.get("walls", [])
+    vectors = [("", "gravity", data.get("gravity"))]
+    vectors += [("walls", key, wall.get(key)) for wall in walls if isinstance(wall, dict) for key in ("point", "normal")] \
+        if isinstance(walls, list) else []  # fmt: skip
+    for where, key, value in vectors:
+        if isinstance(value, list) and len(value) in (2, 3):
+            if given is None:
+                given = len(value)
+            elif given != len(value):
+                raise reader.wrong(
+                    where, key, value, f"it must be {given} numbers, as the vectors before it or dimension"
+                )
+    return int(given) if given is not None else (3 if "spheres" in data else None)
+
+
 def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> Path | None:
     value = data.get(key)
     if value is None:
@@ -301,19 +433,25 @@ def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: s
 
 
 def _walls(
-    reader: _Reader, given: Any, common: Mapping[str, float | None]
-) -> list[tuple[Wall, dict[str, float | None]]]:
+    reader: _Reader, given: Any, common: Mapping[str, float | None], dimension: int
+) -> list[tuple[AnyWall, dict[str, float | None]]]:
+    kind: Any = Wall if dimension == 2 else PlaneWall
+    part: Any = WallSegment if dimension == 2 else PlaneSegment
+    numbers = "two" if dimension == 2 else "three"
     if not isinstance(given, list) or not all(isinstance(wall, dict) for wall in given):
         raise reader.wrong(
-            "", "walls", given, "write one [[walls]] table a wall: name, point, normal, and mu, motion if any"
+            "",
+            "walls",
+            given,
+            'write one [[walls]] table a wall: name, point, normal, and mu, motion if any; "unknown" where nobody knows',
         )
-    made = []
+    made: list[tuple[AnyWall, dict[str, float | None]]] = []
     for number, wall in enumerate(given):
         reader.known(wall, "walls")
         name = wall.get("name", f"wall {number}")
         if lacking := [key for key in ("point", "normal") if key not in wall]:
             raise UsageError(
-                f"{reader.place('walls', 'name')}: wall {name!r} lacks {' and '.join(lacking)}: two numbers each"
+                f"{reader.place('walls', 'name')}: wall {name!r} lacks {' and '.join(lacking)}: {numbers} numbers each"
             )
         law = {
             key: common[key] if key not in wall else reader.number(wall, "walls", key, strict=key == "kn")
@@ -321,13 +459,11 @@ def _walls(
         }
         try:
             segments = wall.get("motion", [])
-            motion = tuple(
-                WallSegment(**segment) for segment in (segments if isinstance(segments, list) else [segments])
-            )
+            motion = tuple(part(**segment) for segment in (segments if isinstance(segments, list) else [segments]))
             contact = ContactLaw(kn=law["kn"] or 1.0, ks=law["ks"] or 0.0, mu=law["mu"] or 0.0)
-            made.append((Wall(name=name, point=wall["point"], normal=wall["normal"], law=contact, motion=motion), law))
+            made.append((kind(name=name, point=wall["point"], normal=wall["normal"], law=contact, motion=motion), law))
         except TypeError as error:
-            allowed = ", ".join(WallSegment.__dataclass_fields__)
+            allowed = ", ".join(part.__dataclass_fields__)
             raise UsageError(
                 f"{reader.place('walls', 'motion')}: the motion of wall {name!r} is not allowed ({error}): write tables of {allowed}"
             ) from error

@@ -28,38 +28,51 @@ def audit(
     scene: Annotated[
         Path | None,
         typer.Option(
-            "--scene", metavar="FILE", help="The TOML. None: FILE with the ending .toml, or audit.toml beside it."
+            "--scene",
+            metavar="FILE",
+            help="The TOML. None: FILE with the ending .toml, or audit.toml beside it; else what FILE shows.",
         ),
     ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers.")
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
+    write_scene: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-scene", metavar="FILE", help="Also write a TOML with what the trajectory shows, to complete."
+        ),
+    ] = None,
     example: Annotated[
         Path | None,
         typer.Option("--example", metavar="DIR", help="Write a trajectory and a TOML that pass, to start from."),
     ] = None,
 ) -> None:
     """Check conservation laws and friction in a trajectory of any program: momentum, angular momentum, energy, overlaps, the friction
-    cone, jumps, lost disks. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
+    cone, jumps, lost bodies. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
-    FILE is a LAMMPS dump in text (.gz as well), a table (.csv, .parquet) with a row for each disk and frame, or an .npz of whole
-    arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Required columns are t or step, x
-    and y. Optional ones are id, type, vx, vy, omega, angle, radius, mass. The TOML gives other names of columns, masses, walls and
-    their motion, mu, kn, gravity and the step. Only the plane x, y is read.
+    FILE is a LAMMPS or LIGGGHTS dump in text (.gz as well), a table (.csv, .parquet) with a row for each body and frame, or an .npz
+    of whole arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Disks in the plane need
+    x and y, spheres in space x, y and z. Optional columns are id, type, vx, vy, vz, omega or omegax, omegay, omegaz, angle, radius or
+    diameter, mass.
+
+    The TOML gives what the file lacks: other names of columns, masses, walls and their motion, mu, kn, gravity, the step. Vectors of
+    three numbers make it a scene in space. Without a TOML the command prints one with what the file shows, and names what it lacks.
 
     An allowance has three parts, and each verdict names those that count: the printed digits, contacts at unknown instants between
     two frames, and the error of a sound scheme's step. The more is given (dt, kn, ks, mu) and the denser the frames, the more can be
-    decided. Disks that may have touched form a group. A group away from walls keeps momentum and angular momentum. The impulse of a
+    decided. Bodies that may have touched form a group. A group away from walls keeps momentum and angular momentum. The impulse of a
     wall lies in its cone of friction. A group gains energy only from moving walls.
 
-    A --json file has checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id, verdict, said,
-    judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t and disks.
+    A --json file has dimension, checks, totals over time, digits, and what was given. Checks are listed worst first. Each has id,
+    verdict, said, judged, undecided, first and series of [t, value, allowance]. Its worst has value, allowance, parts, step, t, disks.
 
     \b
     Examples:
       ninedisk audit --example sample
       ninedisk audit sample/trajectory.csv
+      ninedisk audit dump.lammpstrj
+      ninedisk audit dump.lammpstrj --write-scene run.toml
       ninedisk audit dump.lammpstrj --scene run.toml --out audit
       ninedisk audit frames/ --scene run.toml --json audit.json
 
@@ -71,10 +84,12 @@ def audit(
       130  interrupted; nothing was written
     """
     from ninedisk.harness.api.errors import UsageError
+    from ninedisk.harness.api.text import one_line
     from ninedisk.harness.audit.example import write_example
+    from ninedisk.harness.audit.infer import infer_scene
     from ninedisk.harness.audit.run import VIOLATED
     from ninedisk.harness.audit.run import audit as audited
-    from ninedisk.harness.audit.scene import read_scene
+    from ninedisk.harness.audit.scene import read_scene, scene_of_text
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import check_folder, check_writable, write_whole
     from ninedisk.reports.audit import write_audit
@@ -91,7 +106,26 @@ def audit(
         check_writable("--json", json_file)
     if out is not None:
         check_folder("--out", out)
-    reported = read_scene(scene or _companion_file(file))
+    if write_scene is not None:
+        check_writable("--write-scene", write_scene)
+    given = scene or _companion_file(file)
+    if given is None or write_scene is not None:
+        inferred = infer_scene(file)
+        if write_scene is not None:
+            write_whole("--write-scene", write_scene, inferred.text)
+            typer.echo(f"written: {write_scene}")
+        if given is None:
+            typer.echo(f"# There is no TOML beside {one_line(str(file))}. What it shows:\n{inferred.text}")
+            if inferred.lacking:
+                wanted = "".join(f"\n  {each}" for each in inferred.lacking)
+                place = write_scene or file.with_suffix(".toml")
+                hint = "" if write_scene is not None else f" (--write-scene {place} starts it)"
+                raise UsageError(
+                    f"an audit of {str(file)!r} needs what the file does not show; write in {place}{hint}:{wanted}"
+                )
+    reported = (
+        read_scene(given) if given is not None else scene_of_text(inferred.text, f"TOML inferred from {file.name}")
+    )
     with CellProgress() as progress:
         record = audited(file, reported, progress)
     if json_file is not None:
@@ -102,7 +136,7 @@ def audit(
     raise typer.Exit(WRONG if any(check["verdict"] == VIOLATED for check in record["checks"]) else 0)
 
 
-def _companion_file(file: Path) -> Path:
+def _companion_file(file: Path) -> Path | None:
     from ninedisk.harness.api.errors import UsageError
 
     tried = [file.with_suffix(".toml"), file.with_suffix("").with_suffix(".toml"), file.parent / "audit.toml"]
@@ -111,10 +145,7 @@ def _companion_file(file: Path) -> Path:
             return path
     if not file.exists():
         raise UsageError(f"there is no {str(file)!r}: give a trajectory; `ninedisk audit --example DIR` writes one")
-    raise UsageError(
-        f"there is no TOML beside {str(file)!r} that gives radii, masses, walls: name it {tried[0].name}, or give --scene FILE; "
-        "`ninedisk audit --example DIR` writes one to start from"
-    )
+    return None
 
 
 def _show(record: Mapping[str, Any]) -> None:
@@ -127,13 +158,15 @@ def _show(record: Mapping[str, Any]) -> None:
     begin, end = record["t"]
     out.print(
         one_line(
-            f"{record['file']} ({record['form']}): {count_noun(record['disks'], 'disk')}, {count_noun(record['frames'], 'frame')} "
+            f"{record['file']} ({record['form']}): {count_noun(record['disks'], record['noun'])}, {count_noun(record['frames'], 'frame')} "
             f"from t = {begin:.4g} to {end:.4g} s, "
             f"{record['interval'][0]:.4g} s apart; {digits}"
         )
     )
     if record["dt"] is None:
         out.print("time.dt, the engine's own step, is not given: taken as the interval, which allows more")
+    for remark in record["remarks"]:
+        out.print(one_line(f"read: {remark}"))
     shown = table("", "check", "verdict")
     for check in record["checks"]:
         sign = {"violated": "✗", "holds": "✓"}.get(check["verdict"], "?")

@@ -1,0 +1,290 @@
+"""Energies of groups and of all bodies, overlaps that they explain, and the most that walls can have worked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.array_types import FloatArray
+from ninedisk.harness.audit.geometry import Cone, cross, friction_rays, norm
+from ninedisk.harness.audit.tally import State
+from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_sets
+
+
+class EnergyChecks(Touching):
+    """Checks of `Auditor` on energies and overlaps."""
+
+    def _energy(self, interval: Interval) -> dict[str, float] | None:
+        """Energy of each group, and the most that may have come into all: ``work`` of walls and ``order``, errors of the scheme."""
+        scene, bodies = self.scene, self.bodies
+        b, c, _, dt, use, touch, dv, ev, hidden, squeeze = interval
+        m, g = np.where(use, bodies.mass, 0.0), scene.gravity
+        tally = self.tallies["energy"]
+        mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
+        size = np.bincount(touch.label, use, touch.groups)
+        walls = wall_sets(touch, len(scene.walls))
+        touched = np.bincount(touch.label, np.where(use, touch.degree, 0), touch.groups) > 0
+        gain = np.zeros(touch.groups)
+        parts = {
+            name: np.zeros(touch.groups)
+            for name in ("digits", "engine's step", "springs' step", "shear springs", "walls' work")
+        }
+        parts["digits"] += groups_of(
+            touch, m * 4.0 * hidden * (np.maximum((b.v**2).sum(1), (c.v**2).sum(1)) + np.abs(c.x @ g)), use
+        )
+        blind = np.zeros(touch.groups, dtype=bool)
+        before = np.zeros(touch.groups, dtype=bool)
+        for state, sign in ((c, 1.0), (b, -1.0)):
+            own, err = self._body_energies(state, use)
+            store = self._spring_energies(state, mu)
+            gain += sign * groups_of(touch, own + np.where(use, store["normal"], 0.0), use)
+            parts["digits"] += groups_of(touch, err + store["error"], use)
+            blind |= groups_of(touch, store["unknown"], use) > 0
+            if state is b:
+                before = groups_of(touch, store["unknown"], use) > 0
+                parts["shear springs"] += groups_of(touch, store["shear"], use)
+            parts["engine's step"] += groups_of(touch, 0.5 * dt * squeeze * norm(state.v), use)
+        # Masses and radii of the file have digits as well: of what each body gained by itself.
+        share = bodies.em / bodies.mass
+        ends = [self._body_energies(state, use)[0] for state in (b, c)]
+        parts["digits"] += groups_of(touch, share * np.abs(ends[1] - ends[0]), use)
+        if b.omega is not None and c.omega is not None:
+            turned = np.abs((np.nan_to_num(c.omega) ** 2).sum(1) - (np.nan_to_num(b.omega) ** 2).sum(1))
+            parts["digits"] += groups_of(touch, bodies.inertia * turned * bodies.er / bodies.radius, use)
+        # An engine of first order has velocities half a step off the positions.
+        parts["engine's step"] += 0.5 * dt * np.abs(groups_of(touch, m[:, None] * (c.v - b.v), use) @ g)
+        # Central differences keep the sum less dt^2/8 F^2/m; a contact that begins within a step errs by kn (v dt)^2/8 (its half step).
+        parts["springs' step"] += groups_of(
+            touch, dt * dt / 8.0 * squeeze**2 * (1.0 + 3.0 * mu * mu) / bodies.mass, use
+        )
+        if scene.kn is not None:
+            i, j = touch.pairs[:, 0], touch.pairs[:, 1]
+            near = np.maximum(((b.v[i] - b.v[j]) ** 2).sum(1), ((c.v[i] - c.v[j]) ** 2).sum(1))
+            first = np.where(use[i], i, j)
+            parts["springs' step"] += np.bincount(touch.label[first], scene.kn * near * dt * dt / 8.0, touch.groups)
+            on, w = touch.walled[:, 0], touch.walled[:, 1]
+            speed = np.maximum((b.v[on] ** 2).sum(1), (c.v[on] ** 2).sum(1))
+            stiff = np.array([each or 0.0 for each in scene.wall_kn])[w] if len(on) else np.zeros(0)
+            parts["springs' step"] += np.bincount(touch.label[on], stiff * speed * dt * dt / 8.0, touch.groups)
+        if b.omega is None and scene.frictional:
+            blind |= touched
+            before |= touched
+        if scene.cohesive:
+            blind |= touched
+            before |= touched
+        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        moving = self._moving_walls(b.t, c.t)
+        unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
+        for group in np.flatnonzero((walls & moving > 0) & (size > 0)):
+            disks = np.flatnonzero((touch.label == group) & use)
+            work = self._wall_work(
+                int(walls[group]), disks, (m[disks, None] * dv[disks]).sum(axis=0), float((m * ev)[disks].sum()), b, c
+            )
+            if work is None:
+                unknown_work[group] = True
+            else:
+                parts["walls' work"][group] = work
+        real = size > 0
+        judged = np.flatnonzero(real & ~before & ~unknown_work)
+        who, members = self._group_words(touch, judged, use)
+        shown = {name: part[judged] for name, part in parts.items()}
+        tally.judge(c, gain[judged], shown, who, members)
+        tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: give kn (and ks), or rigid = true"
+                   if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
+        tally.skip(
+            int((real & unknown_work).sum()),
+            "moving walls on several sides, or of unknown friction, or fixed bodies that move, work",
+        )
+        if scene.conservative:
+            still = np.flatnonzero(real & ~blind & ~unknown_work & (parts["walls' work"] == 0.0))
+            who, members = self._group_words(touch, still, use)
+            self.tallies["kept"].judge(
+                c, -gain[still], {name: part[still] for name, part in parts.items()}, who, members
+            )
+            self.tallies["kept"].skip(int(real.sum()) - len(still), "springs of unknown stiffness, or moving walls")
+        if (real & unknown_work).any() or (scene.cohesive and touched.any()) or (b.omega is None and scene.frictional):
+            return None
+        return {"work": float(parts["walls' work"].sum()), "order": float(parts["springs' step"].sum())}
+
+    def _body_energies(self, state: State, use: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """Kinetic and potential energy of each disk [J], and its error by the digits."""
+        bodies, g = self.bodies, self.scene.gravity
+        m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
+        speed = norm(state.v)
+        own = m * (0.5 * speed**2 - state.x @ g)
+        err = m * (speed * state.ev + 0.5 * state.ev**2 + norm(g) * state.ex)
+        if state.omega is not None:
+            spin = norm(state.omega)
+            own = own + 0.5 * inertia * spin**2
+            err = err + inertia * (spin * state.eo + 0.5 * state.eo**2)
+        return np.where(use, own, 0.0), np.where(use, err, 0.0)
+
+    def _moving_walls(self, t0: float, t1: float) -> int:
+        """Walls, as bits, that move between two times."""
+        if not any(wall.motion for wall in self.scene.walls):
+            return 0
+        poses = [self.track.at(t) for t in (t0, 0.5 * (t0 + t1), t1)]
+        return sum(
+            1 << w
+            for w in range(len(self.scene.walls))
+            if any(
+                (pose.point[w] != poses[0].point[w]).any() or (pose.normal[w] != poses[0].normal[w]).any()
+                for pose in poses[1:]
+            )
+        )
+
+    def _wall_work(
+        self, code: int, bodies: NDArray[np.int64], impulse: FloatArray, err: float, b: State, c: State
+    ) -> float | None:
+        """Most that walls can have worked on bodies to which they gave an impulse [J]; None: any amount.
+
+        A linear program: the impulse is a sum of rays, the edges of the walls' cones, and each ray works by its wall's velocity.
+        """
+        from scipy.optimize import linprog
+
+        rays, speeds = [], []
+        h = c.t - b.t
+        plain = self._plain_work(code, impulse, err, b, c)
+        if plain is not None:
+            return plain
+        for share, state in ((0.25, b), (0.75, c)):
+            poses = self.track.at(b.t + share * h)
+            for w in range(len(self.scene.walls)):
+                if not code >> w & 1:
+                    continue
+                mu = self.scene.wall_mu[w]
+                if mu is None:
+                    return None
+                normal = poses.normal[w]
+                points = state.x[bodies] - self.bodies.radius[bodies, None] * normal
+                velocity = poses.surface_velocity(w, points)
+                for ray in friction_rays(normal, mu):
+                    rays.append(ray)
+                    speeds.append(float((velocity @ ray).max()))
+        cone, speed = Cone(np.array(rays)), np.array(speeds)
+        if cone.whole:
+            return None
+        impulse = cone.nearest(impulse)
+        size = float(norm(impulse))
+        if size == 0.0:
+            return err * float(np.abs(speed).max())
+        # A residual within the solver's tolerance would make it infeasible: the rays' own sum of the impulse starts inside.
+        scale = float(np.abs(speed).max()) or 1.0
+        result = linprog(-speed / scale, A_eq=cone.rays.T, b_eq=impulse / size, method="highs")
+        if result.status == 3 or result.fun is None:
+            return None
+        best = -float(result.fun) * scale * size
+        return max(best, 0.0) + (err + 1e-9 * size) * scale
+
+    def _plain_work(self, code: int, impulse: FloatArray, err: float, b: State, c: State) -> float | None:
+        """The work of one wall that does not turn and keeps its velocity; None: another case."""
+        if code & (code - 1):
+            return None
+        w = code.bit_length() - 1
+        mu = self.scene.wall_mu[w]
+        one, two = (self.track.at(b.t + share * (c.t - b.t)) for share in (0.25, 0.75))
+        if mu is None or one.rate[w].any() or two.rate[w].any() or (one.velocity[w] != two.velocity[w]).any():
+            return None
+        rays = friction_rays(one.normal[w], mu)
+        impulse = Cone(rays, (one.normal[w], mu)).nearest(impulse)
+        return max(float(impulse @ one.velocity[w]), 0.0) + err * float(np.abs(rays @ one.velocity[w]).max())
+
+    def _check_state(self, c: State, gain: dict[str, float] | None) -> None:
+        """One instant: overlaps, totals, and the energy of all disks against the least since the start."""
+        scene, bodies = self.scene, self.bodies
+        use = c.here & ~bodies.fixed
+        mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
+        own, err = self._body_energies(c, use)
+        store = self._spring_energies(c, mu)
+        stored, doubt = float(store["normal"].sum()), float(err.sum() + store["error"].sum())
+        low = float(own.sum()) + stored
+        known = not (store["unknown"].any() or scene.cohesive)
+        high = low + float(store["shear"].sum()) if known else np.inf
+        squeeze = self._spring_forces(c)
+        dt = scene.dt or (min(self.intervals) if self.intervals else 0.0)
+        lag = (
+            0.5
+            * dt
+            * float(np.abs((np.where(use, bodies.mass, 0.0)[:, None] * np.nan_to_num(c.v)).sum(axis=0) @ scene.gravity))
+        )
+        lag += 0.5 * dt * float((squeeze * np.nan_to_num(norm(c.v))).sum())
+        least = self._least
+        if least is None or gain is None or not np.array_equal(least["use"], use):
+            least = {"high": np.inf, "err": 0.0, "use": use}
+        else:
+            least = least | {"high": least["high"] + gain["work"] + gain["order"]}
+            if np.isfinite(least["high"]):
+                parts = {
+                    "digits at both ends": np.array([doubt + least["err"]]),
+                    "engine's step": np.array([lag + least.get("lag", 0.0)]),
+                }
+                at = np.flatnonzero(use)
+                self.tallies["energy"].judge(
+                    c,
+                    np.array([low - least["high"]]),
+                    parts,
+                    lambda _: "all bodies, since their least energy",
+                    lambda _: at,
+                )
+        budget = high
+        if np.isfinite(least["high"]):
+            budget = least["high"] + least["err"] + least.get("lag", 0.0)
+        if high <= least["high"]:
+            least = {"high": high, "err": doubt, "use": use, "lag": lag}
+        self._least = least
+        self._depths(c, budget - float(own.sum()) + doubt + lag)
+        m = np.where(use, bodies.mass, 0.0)
+        flat = {name: np.nan_to_num(array) for name, array in (("x", c.x), ("v", c.v))}
+        turns = 1 if scene.dimension == 2 else 3
+        spin = np.zeros((len(m), turns)) if c.omega is None else np.nan_to_num(c.omega)
+        inertia = np.where(use, bodies.inertia, 0.0)
+        L = (m[:, None] * cross(flat["x"], flat["v"])).sum(axis=0) + (inertia[:, None] * spin).sum(axis=0)
+        P = (m[:, None] * flat["v"]).sum(axis=0)
+        _, _, depth, _, _ = self._overlaps(c)
+        self.totals.append({
+            "t": c.t, **{f"p{axis}": float(value) for axis, value in zip("xyz", P, strict=False)},
+            **{name: float(value) for name, value in zip(("L",) if turns == 1 else ("Lx", "Ly", "Lz"), L, strict=True)},
+            "kinetic": float((0.5 * m * (flat["v"] ** 2).sum(axis=1) + 0.5 * inertia * (spin**2).sum(axis=1)).sum()),
+            "potential": float(-(m * (flat["x"] @ scene.gravity)).sum()), "springs": stored,
+            "overlap": float(depth.max()) if len(depth) else 0.0, "disks": int(c.here.sum()),
+        })  # fmt: skip
+
+    def _depths(self, c: State, left: float) -> None:
+        """Overlaps: of rigid disks none, of springs what the energy left [J] can squeeze; of unknown ones short of a centre."""
+        scene, bodies, tally = self.scene, self.bodies, self.tallies["overlap"]
+        n = len(bodies.id)
+        i, j, depth, kn, _ = self._overlaps(c)
+        other = np.where(j < n, j, i)
+        er = bodies.er
+        err = c.ex[i] + er[i] + np.where(j < n, c.ex[other] + er[other], 0.0)
+        swallowed = np.where(j < n, np.minimum(bodies.radius[i], bodies.radius[other]), bodies.radius[i])
+
+        def who(k: int) -> str:
+            return f"{self._name(i[k])} and {self._name(j[k]) if j[k] < n else f'wall {scene.walls[j[k] - n].name!r}'}"
+
+        def members(k: int) -> NDArray[np.int64]:
+            return np.array([i[k]] if j[k] >= n else [i[k], j[k]])
+
+        if not len(depth):
+            tally.judge(
+                c,
+                np.zeros(1),
+                {"digits of x": np.full(1, 2.0 * float(np.nanmax(c.ex, initial=0.0)))},
+                lambda _: "no contact",
+                lambda _: i,
+            )
+            return
+        if scene.rigid:
+            tally.judge(c, depth, {"digits of x": err, "the given slop": np.full(len(i), scene.slop)}, who, members)
+            return
+        with np.errstate(invalid="ignore"):
+            spring = np.sqrt(2.0 * max(left, 0.0) / kn)
+        known = np.isfinite(spring)
+        allowed = np.where(known, np.minimum(spring, swallowed), swallowed)
+        decided = known | (depth > swallowed)
+        at = np.flatnonzero(decided)
+        tally.judge(
+            c, depth[at], {"digits of x": err[at], "what the energy at hand squeezes, short of a centre": allowed[at]},
+            lambda k: who(at[k]), lambda k: members(at[k]),
+        )  # fmt: skip
+        tally.skip(int((~decided).sum()), "how deep springs of unknown stiffness may go: give kn, or rigid = true")

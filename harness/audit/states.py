@@ -1,0 +1,302 @@
+"""Frames as states: bodies in the order of the first frame's ids, places that go on across periodic edges, velocities by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.array_types import FloatArray
+from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.audit.columns import Frame, Trajectory
+from ninedisk.harness.audit.geometry import norm
+from ninedisk.harness.audit.rounding import Rounding
+from ninedisk.harness.audit.scene import LARGEST, AuditScene, Fact
+from ninedisk.harness.audit.tally import Bodies, State, Tally
+
+SPACE = {2: ("x", "y"), 3: ("x", "y", "z")}
+NOUN = {2: "disk", 3: "sphere"}
+TURNS = {2: ("{}",), 3: ("{}x", "{}y", "{}")}
+"""Columns of a vector, and of what turns."""
+
+
+class States:
+    """Aligns frames with the ids of the first, and notes what is wrong with ids, times and numbers on the way."""
+
+    def __init__(self, trajectory: Trajectory, scene: AuditScene) -> None:
+        self.trajectory, self.scene = trajectory, scene
+        self.tallies = {name: Tally(name) for name in ("finite", "particles", "time")}
+        self.bodies: Bodies | None = None
+        self.has_velocity = True
+        self._before: float | None = None
+        self._missing: NDArray[np.bool_] | None = None
+        self._last: State | None = None
+        self._edges: FloatArray | None = None
+
+    def all(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
+        """States in the order of the file; where it has no velocities, with central differences."""
+        made = (self._state(number, frame) for number, frame in enumerate(self.trajectory.frames(progress)))
+        first = next(made, None)
+        if first is None:
+            return
+        if self.has_velocity:
+            yield first
+            yield from made
+            return
+        window = [first]
+        for state in made:
+            window.append(state)
+            if len(window) == 3:
+                if window[0] is first:
+                    yield difference_velocities(window[0], window[1], window[0], self.scene.gravity, one_sided=True)
+                yield difference_velocities(window[0], window[2], window[1], self.scene.gravity)
+                del window[0]
+        if len(window) == 2:
+            yield difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
+
+    def _state(self, number: int, frame: Frame) -> State:
+        """A frame in the order of the first one's ids."""
+        columns = frame.columns
+        ids = columns.get("id")
+        n = len(columns["x"])
+        if n == 0:
+            raise UsageError(
+                f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file"
+            )
+        here = np.arange(n) if ids is None else np.nan_to_num(ids, nan=-1.0).astype(np.int64)
+        if self.bodies is None:
+            self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
+            self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
+        bodies = self.bodies
+        unique, first = np.unique(here, return_index=True)
+        place = np.searchsorted(bodies.id, unique)
+        known = (place < len(bodies.id)) & (bodies.id[np.minimum(place, len(bodies.id) - 1)] == unique)
+        rows, place = first[known], place[known]
+        present = np.zeros(len(bodies.id), dtype=bool)
+        present[place] = True
+
+        def column(name: str) -> FloatArray | None:
+            if name not in columns:
+                return None
+            found = np.full(len(bodies.id), np.nan)
+            found[place] = columns[name][rows]
+            return found
+
+        def rounding(name: str, values: FloatArray | None) -> FloatArray:
+            rule = self.trajectory.rounding.get(name, Rounding())
+            if values is None:
+                return np.zeros(len(bodies.id))
+            found = rule.error(np.nan_to_num(values))
+            return np.maximum(found, np.ldexp(np.abs(np.nan_to_num(values)), -24)) if self.scene.single else found
+
+        def vector(names: Sequence[str]) -> tuple[FloatArray | None, FloatArray]:
+            """Components side by side and the error of the vector; None where one is not in the file."""
+            parts = [column(name) for name in names]
+            if any(part is None for part in parts):
+                return None, np.zeros(len(bodies.id))
+            errors = [rounding(name, part) for name, part in zip(names, parts, strict=True)]
+            return np.column_stack([part for part in parts if part is not None]), norm(np.column_stack(errors))
+
+        space, turns = SPACE[self.scene.dimension], TURNS[self.scene.dimension]
+        x, ex = vector(space)
+        if x is None:
+            raise UsageError(f"{self.trajectory.path}, {frame.place}: a place needs the columns {', '.join(space)}")
+        v, ev = vector([f"v{axis}" for axis in space])
+        omega, eo = vector([each.format("omega") for each in turns])
+        angle, ea = vector([each.format("angle") for each in turns])
+        t, et = self._time(number, frame)
+        velocity = np.zeros_like(x) if v is None else v
+        cell = self._cell(frame)
+        if cell is not None:
+            x = self._going_on(x, velocity, t, cell)
+        state = State(
+            step=frame.step, t=t, et=et, place=frame.place, x=x, v=velocity, omega=omega, angle=angle, ex=ex, ev=ev, eo=eo, ea=ea,
+            here=present.copy(), cell=cell,
+        )  # fmt: skip
+        self._last = state
+        self._numbers(state, columns, present)
+        self._check_ids(state, len(here) - len(unique), int((~known).sum()), present, here)
+        self._check_times(state)
+        return state
+
+    def _cell(self, frame: Frame) -> FloatArray | None:
+        """Periodic edges of the dimension; None: there are none."""
+        d = self.scene.dimension
+        if frame.cell is None:
+            return None
+        cell = frame.cell[:d, :d]
+        cell = cell[np.isfinite(cell).all(axis=1)]
+        if not len(cell):
+            return None
+        if self._edges is None:
+            self._edges = cell
+        elif self._edges.shape != cell.shape or not np.allclose(self._edges, cell, rtol=1e-9, atol=0.0):
+            raise UsageError(
+                f"{self.trajectory.path}, {frame.place}: the periodic box differs from that of the first frame: an audit takes no box that "
+                "changes its size or shape"
+            )
+        if (np.abs(np.linalg.det(cell @ cell.T)) if len(cell) else 1.0) == 0.0:
+            raise UsageError(f"{self.trajectory.path}, {frame.place}: the periodic box is empty")
+        return cell
+
+    def _going_on(self, x: FloatArray, v: FloatArray, t: float, cell: FloatArray) -> FloatArray:
+        """Places by the image that is nearest to where the last ones would have gone."""
+        last = self._last
+        if last is None:
+            return x
+        h = t - last.t if np.isfinite(t - last.t) else 0.0
+        with np.errstate(invalid="ignore"):
+            off = x - (last.x + 0.5 * h * (np.nan_to_num(last.v) + np.nan_to_num(v)))
+            images = np.round(np.nan_to_num(off) @ np.linalg.pinv(cell))
+        return np.asarray(x - images @ cell)
+
+    def _time(self, number: int, frame: Frame) -> tuple[float, float]:
+        scene, clock = self.scene, self.trajectory.clock
+        if clock == "t":
+            rule = self.trajectory.rounding.get("t", Rounding())
+            return frame.t, float(rule.error(np.array([frame.t]))[0]) if np.isfinite(frame.t) else 0.0
+        if clock == "index" and scene.interval is not None:
+            return number * scene.interval, 0.0
+        if scene.dt is None:
+            way = "[time] dt = SECONDS, the engine's step" + (
+                ", or interval = SECONDS between frames" if clock == "index" else ""
+            )
+            raise UsageError(f"{self.trajectory.path} has steps and no times: give them in the TOML by {way}")
+        return frame.step * scene.dt, 0.0
+
+    def _numbers(self, state: State, columns: Mapping[str, FloatArray], present: NDArray[np.bool_]) -> None:
+        bad = {name: int((~(np.abs(column) < LARGEST)).sum()) for name, column in columns.items()}
+        arrays = [*state.x.T, *state.v.T]
+        arrays += [each for array in (state.omega, state.angle) if array is not None for each in array.T]
+        wrong = present & ~(np.abs(arrays) < LARGEST).all(axis=0)
+        given = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
+        self.tallies["finite"].judge(
+            state,
+            np.array([float(sum(bad.values()))]),
+            {"none is allowed": np.zeros(1)},
+            lambda _: given or "all",
+            lambda _: np.flatnonzero(wrong),
+        )
+        state.here[wrong] = False
+
+    def _check_ids(
+        self, state: State, doubled: int, new: int, present: NDArray[np.bool_], here: NDArray[np.int64]
+    ) -> None:
+        assert self.bodies is not None
+        before = np.ones(len(present), dtype=bool) if self._missing is None else ~self._missing
+        lost = before & ~present
+        self._missing = ~present
+        twice = (
+            [str(each) for each, count in zip(*np.unique(here, return_counts=True), strict=True) if count > 1][:5]
+            if doubled
+            else []
+        )
+        words = [
+            f"lost: {', '.join(str(each) for each in self.bodies.id[lost][:8])}" if lost.any() else "",
+            f"doubled: {', '.join(twice)}" if doubled else "",
+            f"new: {', '.join(map(str, np.setdiff1d(here, self.bodies.id)[:8]))}" if new else "",
+        ]
+        wrong = (0 if self.scene.open else int(lost.sum())) + doubled + new
+        self.tallies["particles"].judge(
+            state, np.array([float(wrong)]), {"none is allowed": np.zeros(1)}, lambda _: "; ".join(filter(None, words)) or "all there",
+            lambda _: np.flatnonzero(lost),
+        )  # fmt: skip
+
+    def _check_times(self, state: State) -> None:
+        if self._before is not None:
+            before = self._before
+            back = before - state.t if np.isfinite(state.t) else np.inf
+            wrong = not back < 0.0
+            value = max(back, np.finfo(float).tiny) if wrong else 0.0
+            self.tallies["time"].judge(
+                state, np.array([value]), {"a frame is later than the one before": np.zeros(1)},
+                lambda _: f"t = {state.t:.9g} after {before:.9g}", lambda _: np.empty(0, dtype=np.int64),
+            )  # fmt: skip
+        self._before = state.t
+
+
+def _bodies(
+    path: Path, scene: AuditScene, ids: NDArray[np.int64], columns: Mapping[str, FloatArray], rounding: Mapping[str, Rounding]
+) -> Bodies:  # fmt: skip
+    unique, first = np.unique(ids, return_index=True)
+    noun = NOUN[scene.dimension]
+
+    def fact(name: str, given: Fact | None) -> FloatArray | None:
+        """What the TOML gives, else the file."""
+        if given is None:
+            return columns[name][first] if name in columns else None
+        if isinstance(given, Mapping):
+            if "type" not in columns:
+                raise UsageError(
+                    f"disks.{name} is given by type, and {path} has no column type: give a number or a list"
+                )
+            kinds = columns["type"][first].astype(int)
+            if missing := sorted(set(kinds.tolist()) - set(given)):
+                raise UsageError(f"disks.{name} has nothing for type {missing[0]}: it has {', '.join(map(str, given))}")
+            return np.array([given[kind] for kind in kinds])
+        array = np.broadcast_to(np.asarray(given, dtype=float), np.shape(given) or (len(unique),))
+        if len(array) != len(unique):
+            raise UsageError(
+                f"disks.{name} has {len(array)} numbers, and {path} begins with {len(unique)} {noun}s: give one for each, ids in order"
+            )
+        return np.array(array)
+
+    radius = fact("radius", scene.radius)
+    if radius is None:
+        raise UsageError(
+            f"{path} has no column radius: give [disks] radius in the TOML, a number, a list or a table by type"
+        )
+    density, mass = fact("density", scene.density), fact("mass", scene.mass)
+    if density is not None:
+        mass = density * (np.pi * radius**2 if scene.dimension == 2 else 4.0 / 3.0 * np.pi * radius**3)
+    if mass is None:
+        raise UsageError(
+            f"{path} has no column mass: give [disks] mass, or density in kg/m^{scene.dimension}, in the TOML"
+        )
+    for name, values in (("radius", radius), ("mass", mass)):
+        if wrong := np.flatnonzero(~(np.isfinite(values) & (values > 0.0))).tolist():
+            raise UsageError(
+                f"{path}: the {name} of {noun} {unique[wrong[0]]} is {values[wrong[0]]:g}; it must be > 0 (TOML: [disks] {name})"
+            )
+    if missing_ids := sorted(set(scene.fixed) - set(unique.tolist())):
+        raise UsageError(f"disks.fixed names {missing_ids[0]}, which is no id of the first frame of {path}")
+    read = {
+        name: rule
+        for name, rule in rounding.items()
+        if getattr(scene, name, 0) is None and (name == "radius" or density is None)
+    }
+    er, em = (
+        read[name].error(values) if name in read else np.zeros(len(unique))
+        for name, values in (("radius", radius), ("mass", mass))
+    )
+    if density is not None:
+        em = scene.dimension * mass * er / radius
+    return Bodies(
+        unique,
+        radius,
+        mass,
+        scene.inertia * mass * radius**2,
+        np.isin(unique, scene.fixed),
+        NOUN[scene.dimension],
+        er,
+        em,
+    )
+
+
+def difference_velocities(
+    before: State, after: State, at: State, gravity: FloatArray, *, one_sided: bool = False
+) -> State:
+    """Velocity by differences: exact in free flight; elsewhere off by at most half of what the velocity changes in their span."""
+    span = max(after.t - before.t, 1e-300)
+    v = (after.x - before.x) / span
+    err = (before.ex + after.ex) / span
+    if one_sided:
+        v = v + (at.t - 0.5 * (before.t + after.t)) * gravity
+        jump = np.full(len(err), np.inf)  # nothing shows what the other side does
+    else:
+        change = 2.0 * (before.x - at.x) / (at.t - before.t) + 2.0 * (after.x - at.x) / (after.t - at.t)
+        jump = 0.5 * np.sqrt(((0.5 * change - gravity * 0.5 * span) ** 2).sum(axis=1))
+    ev = np.where(at.here, np.minimum(np.nan_to_num(err + jump), LARGEST), 0.0)
+    return State(**(vars(at) | {"v": v, "ev": ev}))

@@ -1,0 +1,292 @@
+"""What may have touched between two frames, overlaps and springs of an instant: the base of all checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ninedisk.core.array_types import FloatArray
+from ninedisk.harness.audit.geometry import close_pairs, norm
+from ninedisk.harness.audit.scene import AuditScene
+from ninedisk.harness.audit.tally import TITLES, Bodies, State, Tally, Words
+from ninedisk.harness.audit.walls import WallTrack
+
+EPS = 2.0**-52
+"""Rounding of an engine's own step, relative; in single precision 2^29 times that."""
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge."""
+
+    pairs: NDArray[np.int64]
+    walled: NDArray[np.int64]
+    anchored: NDArray[np.bool_]
+    degree: NDArray[np.int64]
+    label: NDArray[np.int64]
+    groups: int
+    across: NDArray[np.bool_]
+
+
+class Interval(NamedTuple):
+    """From frame ``b`` to ``c``, ``h`` [s] later, in engine's steps of ``dt`` [s].
+
+    Attributes
+    ----------
+    use : ndarray of bool, shape (n,)
+        Disks that move and are in both frames.
+    touch : Contacts
+    dv, ev : ndarray, shape (n, d) and (n,)
+        Change of velocity beyond those of gravity and damping, and its digits [m/s].
+    hidden : float
+        Round-off of the engine's steps, relative.
+    squeeze : ndarray, shape (n,)
+        Sum of the spring forces on each disk [N], the larger of both frames'.
+    """
+
+    b: State
+    c: State
+    h: float
+    dt: float
+    use: NDArray[np.bool_]
+    touch: Contacts
+    dv: FloatArray
+    ev: FloatArray
+    hidden: float
+    squeeze: FloatArray
+
+
+class Touching:
+    """State of an audit that all checks share; see `Auditor`."""
+
+    def __init__(self, scene: AuditScene, bodies: Bodies, *, has_velocity: bool, digits: Mapping[str, str]) -> None:
+        self.scene, self.bodies, self.digits, self.has_velocity = scene, bodies, digits, has_velocity
+        self.tallies = {name: Tally(name) for name in TITLES}
+        self.track = WallTrack(scene.walls, scene.dimension)
+        self.radius_arms = Tally("spin")
+        self.eps = EPS * 2.0**29 if scene.single else EPS
+        self.totals: list[dict[str, float]] = []
+        self._held: list[State] = []
+        self._start: dict[str, Any] | None = None
+        self._growth: list[tuple[float, float]] = []
+        self._least: dict[str, Any] | None = None
+        self._cache: dict[int, Any] = {}
+        self._ways = np.zeros(2)
+        self._lag = np.zeros(3)
+        self._clear: NDArray[np.bool_] | None = None
+        self.frames = 0
+        self.intervals: list[float] = []
+
+    def _clock_error(self, b: State, c: State, h: float) -> float:
+        """Most by which an interval is off: the digits of t, unless it is one of the engine's steps, of which t is a multiple."""
+        dt = self.scene.dt
+        if dt is not None and all(
+            abs(t / dt - round(t / dt)) < 1e-6 * max(1.0, abs(t / dt) * 1e-6) for t in (b.t, c.t)
+        ):
+            even = abs(h - self.intervals[0]) < 1e-6 * h
+            if even or max(b.et, c.et) < 0.5 * dt:
+                return 0.0
+        return b.et + c.et
+
+    def _spring_forces(self, *states: State) -> FloatArray:
+        """Sum of the spring forces on each disk [N], the larger of the states'; 0 without kn."""
+        n = len(self.bodies.id)
+        found = np.zeros(n)
+        if self.scene.kn is None and not any(self.scene.wall_kn):
+            return found
+        for state in states:
+            i, j, depth, kn, _ = self._overlaps(state)
+            force = np.nan_to_num(kn) * depth
+            total = np.bincount(i, force, n)
+            disks = j < n
+            found = np.maximum(found, total + np.bincount(j[disks], force[disks], n))
+        return found
+
+    def _resolved_disks(
+        self, b: State, c: State, use: NDArray[np.bool_], touch: Contacts, h: float, dt: float
+    ) -> tuple[NDArray[np.bool_], FloatArray]:
+        """Disks whose contacts the sampling resolves or whose one contact is a single event, and how far others may get [m].
+
+        A contact is resolved where its group's fastest oscillation has two frames a period, or where every step is a frame. Else a
+        disk goes no faster between two frames than if all the energy of its group were spent on it alone.
+        """
+        scene, bodies, n = self.scene, self.bodies, len(use)
+        if dt >= h * (1.0 - 1e-9):
+            return np.ones(n, dtype=bool), np.zeros(n)
+        busy = (touch.degree > 1) | of_walls(touch, n)
+        if scene.kn is not None:
+            busy &= np.sqrt(4.0 * scene.kn * touch.degree / bodies.mass) * h > np.pi
+        coarse = (np.bincount(touch.label, busy & use, touch.groups) > 0)[touch.label] & (touch.degree > 0) & use
+        if not coarse.any():
+            return ~coarse, np.zeros(n)
+        m = bodies.mass
+        V = groups_of(touch, m[:, None] * b.v, use) / np.maximum(groups_of(touch, m, use), 1e-300)[:, None]
+        energy = np.zeros(touch.groups)
+        mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
+        for state in (b, c):
+            u = state.v - V[touch.label]
+            store = self._spring_energies(state, mu)
+            energy += groups_of(touch, 0.5 * m * (u * u).sum(axis=1) + store["normal"] + store["shear"], use)
+        fall = norm(scene.gravity) * h
+        most = energy[touch.label] + m * fall**2
+        return ~coarse, np.where(coarse, h * (np.sqrt(2.0 * most / m) + fall), 0.0)
+
+    def _possible_contacts(self, b: State, c: State, use: NDArray[np.bool_], bulge: FloatArray) -> Contacts:
+        """What may have touched between two frames.
+
+        The way from b to c, if one event bends it, departs from its chord by at most h/4 of the change of velocity, which is ``bulge``.
+        """
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        n, R = len(use), self.bodies.radius
+        both = b.here & c.here
+        at = np.flatnonzero(both)
+        middle, half = 0.5 * (b.x + c.x), 0.5 * (c.x - b.x)
+        bow = np.where(self.bodies.fixed, 0.0, bulge)
+        reach = R + norm(half) + bow
+        found, shift = close_pairs(middle[at], reach[at], b.cell)
+        pairs = at[found]
+        i, j = pairs[:, 0], pairs[:, 1]
+        d0, d1 = b.x[j] + shift - b.x[i], c.x[j] + shift - c.x[i]
+        displacement = d1 - d0
+        length = (displacement * displacement).sum(axis=1)
+        share = np.clip(-(d0 * displacement).sum(axis=1) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
+        gap = norm(d0 + share[:, None] * displacement) - R[i] - R[j]
+        near = (gap <= bow[i] + bow[j]) & (use[i] | use[j])
+        pairs, shift = pairs[near], shift[near]
+        i, j = pairs[:, 0], pairs[:, 1]
+        anchored = np.zeros(n, dtype=bool)
+        held = ~(use[i] & use[j])
+        anchored[pairs[held].ravel()] = True
+        anchored &= use
+        walled = []
+        h = c.t - b.t
+        for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
+            height = self.track.at(b.t + share_t * h).heights(x) - R[:, None]
+            walled.append(height <= (bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None])
+        on_wall = (
+            np.argwhere(np.any(walled, axis=0) & use[:, None])
+            if len(self.scene.walls)
+            else np.empty((0, 2), dtype=np.int64)
+        )
+        degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
+        inner = pairs[~held]
+        graph = coo_array((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), shape=(n, n))
+        groups, label = connected_components(graph, directed=False)
+        across = np.zeros(groups, dtype=bool)
+        across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
+        return Contacts(pairs, on_wall, anchored, degree, label.astype(np.int64), int(groups), across)
+
+    def _name(self, disk: int) -> str:
+        return f"{self.bodies.noun} {self.bodies.id[disk]}"
+
+    def _group_words(self, touch: Contacts, groups: NDArray[np.int64], use: NDArray[np.bool_]) -> tuple[Words, Any]:
+        def members(k: int) -> NDArray[np.int64]:
+            return np.flatnonzero((touch.label == groups[k]) & use)
+
+        def who(k: int) -> str:
+            disks = members(k)
+            if len(disks) == 1:
+                return self._name(disks[0])
+            named = ", ".join(str(self.bodies.id[each]) for each in disks[:6])
+            return (
+                f"{len(disks)} {self.bodies.noun}s that may have touched ({named}{', ...' if len(disks) > 6 else ''})"
+            )
+
+        return who, members
+
+    def _depth_on_wall(self, disk: NDArray[np.int64], wall: NDArray[np.int64], b: State, c: State) -> FloatArray:
+        """Deepest overlap with the wall: at both ends, and what the speed makes of a spring in between."""
+        depth = np.zeros(len(disk))
+        for state in (b, c):
+            height = self.track.at(state.t).heights(state.x[disk])[np.arange(len(disk)), wall]
+            depth = np.maximum(depth, self.bodies.radius[disk] - height)
+        speed = np.maximum(norm(b.v[disk]), norm(c.v[disk]))
+        if self.scene.kn:
+            depth = np.hypot(depth, speed * np.sqrt(self.bodies.mass[disk] / self.scene.kn))
+        elif not self.scene.rigid:
+            depth = np.maximum(depth, speed * (c.t - b.t))
+        return depth
+
+    def _overlaps(self, state: State) -> tuple[Any, ...]:
+        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given)."""
+        cached: tuple[Any, ...] | None = self._cache.get(id(state))
+        if cached is not None and cached[0] is state:
+            return tuple(cached[1:])
+        scene, bodies = self.scene, self.bodies
+        n, R = len(bodies.id), bodies.radius
+        at = np.flatnonzero(state.here)
+        found, shift = close_pairs(state.x[at], R[at], state.cell)
+        pairs = at[found]
+        i, j = pairs[:, 0], pairs[:, 1]
+        depth = R[i] + R[j] - norm(state.x[j] + shift - state.x[i])
+        kept = depth > 0.0
+        i, j, depth = i[kept], j[kept], depth[kept]
+        kn, ks = (np.full(len(i), np.nan if value is None else value) for value in (scene.kn, scene.ks))
+        if scene.walls:
+            over = np.nan_to_num(R[:, None] - self.track.at(state.t).heights(state.x), nan=-1.0)
+            on = np.argwhere((over > 0.0) & state.here[:, None])
+            i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
+            kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
+                      for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
+        kept_pairs = (i.astype(np.int64), j.astype(np.int64), depth, kn, ks)
+        self._cache = dict(list(self._cache.items())[-3:]) | {id(state): (state, *kept_pairs)}
+        return kept_pairs
+
+    def _spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
+        """Energies of springs by disk [J] and their errors; a pair's stand at its first disk."""
+        n = len(self.bodies.id)
+        i, j, depth, kn, ks = self._overlaps(state)
+        other = np.where(j < n, j, i)
+        er = self.bodies.er
+        err = state.ex[i] + er[i] + np.where(j < n, state.ex[other] + er[other], 0.0)
+        known = np.nan_to_num(kn)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shear = 0.5 * (mu * known * depth) ** 2 / ks
+        unknown = (np.isnan(kn) & (depth > err) & (not self.scene.rigid)) | (
+            np.isnan(shear) & (mu > 0.0) & ~np.isnan(kn)
+        )
+        made = {
+            "normal": 0.5 * known * depth * depth,
+            "error": known * depth * err + 0.5 * known * err * err,
+            "shear": np.nan_to_num(shear, posinf=0.0),
+            "unknown": unknown.astype(float),
+        }
+        return {name: np.bincount(i, values, n).astype(float) for name, values in made.items()}
+
+
+def groups_of(touch: Contacts, values: FloatArray, use: NDArray[np.bool_]) -> Any:
+    """Sums by group, of numbers or vectors."""
+    values = np.where(use if values.ndim == 1 else use[:, None], values, 0.0)
+    if values.ndim == 1:
+        return np.bincount(touch.label, values, touch.groups)
+    return np.column_stack([np.bincount(touch.label, values[:, k], touch.groups) for k in range(values.shape[1])])
+
+
+def wall_sets(touch: Contacts, walls: int) -> NDArray[np.int64]:
+    """Walls of each group, as bits."""
+    found = np.zeros(touch.groups, dtype=np.int64)
+    for w in range(walls):
+        mine = touch.walled[touch.walled[:, 1] == w, 0]
+        found[touch.label[mine]] |= 1 << w
+    return found
+
+
+def of_walls(touch: Contacts, n: int) -> NDArray[np.bool_]:
+    """Bodies that may have touched a wall."""
+    found = np.zeros(n, dtype=bool)
+    found[touch.walled[:, 0]] = True
+    return found
+
+
+def first_members(touch: Contacts, use: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """One body of each group, -1 where it has none."""
+    found = np.full(touch.groups, -1, dtype=np.int64)
+    at = np.flatnonzero(use)[::-1]
+    found[touch.label[at]] = at
+    return found
