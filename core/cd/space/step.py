@@ -16,7 +16,7 @@ from ninedisk.core.cd.delassus import DelassusProblem, natural_map
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import Sliding
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.by_matrix.cone import solve_cones
+from ninedisk.core.cd.solvers.by_matrix.cone import solve_cones, sweep_on
 from ninedisk.core.cd.solvers.outcome import MatrixSolution
 from ninedisk.core.cd.space.bodies import FreeStep
 from ninedisk.core.cd.space.contacts import ContactSearch, Frames, Place
@@ -202,6 +202,11 @@ class ContactStep:
         w = sp.csr_array(h @ columns)
         self.problem = problem = DelassusProblem(w=self._with_stiff_tangents(w, b), b=b, mu=self._laws.mu[frames.row])
         answer = solve_cones(problem, self._options, sliding=self._sliding, start=start)
+        if self._options.max_iterations is None and answer.error > self._options.tolerance:
+            more = sweep_on(problem, self._options, sliding=self._sliding, start=answer.r)
+            answer = more._replace(
+                iterations=answer.iterations + more.iterations, seconds=answer.seconds + more.seconds
+            )
         if not answer.error <= max(self._options.tolerance, self._options.accept or 0.0):
             self._fail(problem, answer)
         impulse = np.asarray(h.T @ answer.r.ravel()).reshape(n, 6)

@@ -25,6 +25,8 @@ from ninedisk.core.cd.solvers.outcome import MatrixSolution, Stopwatch
 
 FIRST_SWEEPS, MOST_SWEEPS = 4, 252
 """Sweeps of the first round, and of all; each round has twice as many as the one before."""
+LONG_SWEEPS, LONG_ROUNDS = 500, 6
+"""Sweeps of the first round of `sweep_on`, each of which has twice as many as the one before, and rounds."""
 WORTHWHILE = 0.3
 """Share of the error that may be left after a round of sweeps that another one follows."""
 NEWTON_BEGINS = 1e-3
@@ -147,6 +149,29 @@ def solve_cones(
     if not best.done and best.iterations < limit:
         _walk(best)
     return MatrixSolution(best.forces, best.error, best.iterations, clock.seconds)
+
+
+def sweep_on(
+    problem: DelassusProblem, options: SolverOptions, *, sliding: Sliding, start: FloatArray
+) -> MatrixSolution:
+    """More and more sweeps from forces ``start``, shape (c, 3), with Newton's method between: for a problem that nothing else solves."""
+    best = _Best(problem, options.tolerance, Stopwatch(options.time_limit), coulomb=sliding == "coulomb")
+    best.offer(start)
+    count = LONG_SWEEPS
+    for _ in range(LONG_ROUNDS):
+        if best.done:
+            break
+        r, found = best.forces.ravel().copy(), np.empty(best.forces.size)
+        error, sweeps = kernels.sweep_cones(
+            best.arrays, best.coulomb, best.tolerance, count, count, WORTHWHILE, r, found
+        )
+        best.iterations += sweeps
+        if error < best.error:
+            best.forces, best.error = found.reshape(-1, 3), error
+        if best.error < NEWTON_BEGINS:
+            _newton(best)
+        count *= 2
+    return MatrixSolution(best.forces, best.error, best.iterations, best.clock.seconds)
 
 
 def load_kernels() -> None:
