@@ -25,8 +25,8 @@ from ninedisk.core.cd.solvers.outcome import MatrixSolution, Stopwatch
 
 FIRST_SWEEPS, MOST_SWEEPS = 4, 252
 """Sweeps of the first round, and of all; each round has twice as many as the one before."""
-LONG_SWEEPS, LONG_ROUNDS = 500, 6
-"""Sweeps of the first round of `sweep_on`, each of which has twice as many as the one before, and rounds."""
+CONVEX_ROUNDS = 80
+"""Problems of the associated rule that approach Coulomb's law, at most."""
 WORTHWHILE = 0.3
 """Share of the error that may be left after a round of sweeps that another one follows."""
 NEWTON_BEGINS = 1e-3
@@ -151,26 +151,27 @@ def solve_cones(
     return MatrixSolution(best.forces, best.error, best.iterations, clock.seconds)
 
 
-def sweep_on(
-    problem: DelassusProblem, options: SolverOptions, *, sliding: Sliding, start: FloatArray
-) -> MatrixSolution:
-    """More and more sweeps from forces ``start``, shape (c, 3), with Newton's method between: for a problem that nothing else solves."""
-    best = _Best(problem, options.tolerance, Stopwatch(options.time_limit), coulomb=sliding == "coulomb")
+def solve_by_convex_problems(problem: DelassusProblem, options: SolverOptions, *, start: FloatArray) -> MatrixSolution:
+    """Coulomb's law by problems of the associated rule, from forces ``start``, shape (c, 3), for a problem that nothing else solves.
+
+    Each problem is convex: ``mu |u_t|`` of the solution before is added to b_n, De Saxce's correction, as Acary, Cadoux, Lemarechal and
+    Malick (2011) have it. Errors fall by a steady factor, so that the limit of many rounds is that of time.
+    """
+    best = _Best(problem, options.tolerance, Stopwatch(options.time_limit), coulomb=True)
     best.offer(start)
-    count = LONG_SWEEPS
-    for _ in range(LONG_ROUNDS):
+    r = start
+    for _ in range(CONVEX_ROUNDS):
         if best.done:
             break
-        r, found = best.forces.ravel().copy(), np.empty(best.forces.size)
-        error, sweeps = kernels.sweep_cones(
-            best.arrays, best.coulomb, best.tolerance, count, count, WORTHWHILE, r, found
-        )
-        best.iterations += sweeps
-        if error < best.error:
-            best.forces, best.error = found.reshape(-1, 3), error
-        if best.error < NEWTON_BEGINS:
-            _newton(best)
-        count *= 2
+        u, b = problem.velocity(r), problem.b.copy()
+        b[:, 0] += problem.mu * np.hypot(u[:, 1], u[:, 2])
+        convex = DelassusProblem(w=problem.w, b=b, mu=problem.mu)
+        inner = _Best(convex, 0.01 * options.tolerance, best.clock, coulomb=False)
+        with np.errstate(invalid="ignore"):  # a step without a length ends it
+            _interior_point(inner, _pattern(convex.w), 0.01 * options.tolerance, INTERIOR_STEPS)
+        best.iterations += inner.iterations
+        r = inner.forces
+        best.offer(r)
     return MatrixSolution(best.forces, best.error, best.iterations, best.clock.seconds)
 
 
