@@ -7,7 +7,11 @@ import numpy as np
 from ninedisk.core.errors import InvalidNumericsError, InvalidSceneError
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import SphereScene
+from ninedisk.core.scene import Spheres, SphereScene
+from ninedisk.core.shapes.search import near_pairs
+
+TOUCHING = 1e-9
+"""Overlap over radius up to which a rigid contact counts as touching, as in `ninedisk.core.cd.step`."""
 
 
 def refused_law(law: ContactLaw, *, rotating: bool) -> str:
@@ -82,3 +86,19 @@ def refused_settings(numerics: Numerics) -> list[str]:
         if value not in meant:
             refused.append(f"{name} = {value}")
     return refused
+
+
+def spheres_overlap(spheres: Spheres) -> bool:
+    """Whether two spheres overlap by more than rounding; boxes are not looked at.
+
+    Parameters
+    ----------
+    spheres : Spheres
+    """
+    some = np.flatnonzero(~spheres.boxes)
+    x, radius = spheres.x[some], spheres.radius[some]
+    pairs = near_pairs(x, radius, 0.0)
+    pairs = pairs[~spheres.fixed[some][pairs].all(axis=1)]
+    i, j = pairs.T
+    overlap = radius[i] + radius[j] - np.linalg.norm(x[j] - x[i], axis=1)
+    return bool((overlap > TOUCHING * np.minimum(radius[i], radius[j])).any())

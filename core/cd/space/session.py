@@ -19,10 +19,9 @@ from ninedisk.core.cd.solvers.by_matrix.cone import load_kernels
 from ninedisk.core.cd.space.bodies import FreeStep, first_state, solid_of
 from ninedisk.core.cd.space.contacts import ContactSearch, Place
 from ninedisk.core.cd.space.recorder import Recorder
-from ninedisk.core.cd.space.scope import check_scene
+from ninedisk.core.cd.space.scope import TOUCHING, check_scene
 from ninedisk.core.cd.space.step import ContactStep, Memory, Solved, impact_gain, solve_with_contacts
 from ninedisk.core.cd.space.walls import WallPoses
-from ninedisk.core.cd.step import TOUCHING
 from ninedisk.core.errors import (
     CoreError,
     InterruptedRunError,
@@ -43,6 +42,9 @@ PROGRESS_EVERY = 0.1
 TOLERANCE = 1e-8
 """Tolerance of a step where ``cd.tolerance`` is not given: forces of redundant contacts are known to hardly more digits."""
 
+ACCEPT = 1e-6
+"""``cd.accept`` where neither is given: forces of some steps of large heaps are not found to more digits, which the remarks report."""
+
 
 class SpaceSession:
     """Contact dynamics on one scene of spheres, boxes and plane walls; all contacts are rigid.
@@ -54,7 +56,7 @@ class SpaceSession:
     scene : SphereScene
     numerics : Numerics
         ``theta, impact, sliding`` and the options of `ninedisk.core.cd.settings` choose the method. ``cd.tolerance`` bounds the largest
-        relative error of the forces of a step, 1e-8 if it is not given.
+        relative error of the forces of a step. If it is not given it is 1e-8, and up to 1e-6 is accepted (``cd.accept``) and reported.
     watch : sequence of pairs
         Contacts whose gap, ``fn``, ``fs`` and moment are recorded.
     particles : sequence of int or None
@@ -100,8 +102,8 @@ class SpaceSession:
     ) -> None:
         kind_of("scene", scene, SphereScene)
         kind_of("numerics", numerics, Numerics, error=InvalidNumericsError)
-        if "cd.tolerance" not in numerics.options:
-            numerics = numerics.replace(options={**numerics.options, "cd.tolerance": TOLERANCE})
+        given = {"cd.tolerance": TOLERANCE, "cd.accept": ACCEPT} if "cd.tolerance" not in numerics.options else {}
+        numerics = numerics.replace(options=given | dict(numerics.options))
         self.settings = read_settings(numerics)
         check_scene(scene, numerics)
         pairs, chosen = watched_pairs(scene, watch), chosen_particles(scene, particles)

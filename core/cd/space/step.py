@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan, sqrt
 from typing import NamedTuple, NoReturn
 
@@ -16,7 +16,7 @@ from ninedisk.core.cd.delassus import DelassusProblem, natural_map
 from ninedisk.core.cd.laws import LawTable
 from ninedisk.core.cd.problem import Sliding
 from ninedisk.core.cd.settings import SolverOptions
-from ninedisk.core.cd.solvers.by_matrix.cone import solve_cones
+from ninedisk.core.cd.solvers.by_matrix.cone import solve_by_convex_problems, solve_cones
 from ninedisk.core.cd.solvers.outcome import MatrixSolution
 from ninedisk.core.cd.space.bodies import FreeStep
 from ninedisk.core.cd.space.contacts import ContactSearch, Frames, Place
@@ -202,7 +202,13 @@ class ContactStep:
         w = sp.csr_array(h @ columns)
         self.problem = problem = DelassusProblem(w=self._with_stiff_tangents(w, b), b=b, mu=self._laws.mu[frames.row])
         answer = solve_cones(problem, self._options, sliding=self._sliding, start=start)
-        if not answer.error <= max(self._options.tolerance, self._options.accept or 0.0):
+        enough = replace(self._options, tolerance=max(self._options.tolerance, self._options.accept or 0.0))
+        if self._options.max_iterations is None and answer.error > enough.tolerance and self._sliding == "coulomb":
+            more = solve_by_convex_problems(problem, enough, start=answer.r)
+            answer = more._replace(
+                iterations=answer.iterations + more.iterations, seconds=answer.seconds + more.seconds
+            )
+        if not answer.error <= enough.tolerance:
             self._fail(problem, answer)
         impulse = np.asarray(h.T @ answer.r.ravel()).reshape(n, 6)
         velocity = free.without + np.einsum("nij,nj->ni", free.inverse, impulse)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import ninedisk
 from ninedisk.core.cd.laws import ignored_restitution, sticking_wrongly, wedging_corners
 from ninedisk.core.cd.settings import OPTIONS
-from ninedisk.core.cd.space.scope import refused_settings
+from ninedisk.core.cd.space.scope import refused_settings, spheres_overlap
 from ninedisk.core.history import Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
@@ -61,6 +61,7 @@ CAPABILITIES = IN_PLANE | IN_SPACE
 NOTE_PRELOAD = "the preload of regularising springs is undone: rigid contacts find their forces anew in each step"
 NOTE_DAMPING = "global damping acts on the displacement of the step, dx/dt"
 NOTE_ELASTIC_REBOUND = "the restitution of elastic contacts is left out: spring, dashpot and scheme decide"
+NOTE_OVERLAP = "spheres overlap at the start, which rigid contacts cannot"
 NOTE_ELASTIC = "elastic contact forces are those of the end of the step: first order, dissipative at every theta"
 
 
@@ -120,6 +121,7 @@ class CdEngine:
         refused = [f"a law with {wrong}" for wrong in stuck if wrong]
         if isinstance(scene, SphereScene):
             refused += refused_settings(numerics)
+            refused += [NOTE_OVERLAP] if spheres_overlap(without_spring_preload(scene).spheres) else []
         if missing or refused:
             return Support(SupportLevel.NO, tuple(sorted(missing)), (*notes, *refused))
         asked = [law for law in scene.laws_in_use if law.regularised and law.restitution is not None]

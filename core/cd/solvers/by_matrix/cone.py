@@ -25,6 +25,8 @@ from ninedisk.core.cd.solvers.outcome import MatrixSolution, Stopwatch
 
 FIRST_SWEEPS, MOST_SWEEPS = 4, 252
 """Sweeps of the first round, and of all; each round has twice as many as the one before."""
+CONVEX_ROUNDS = 80
+"""Problems of the associated rule that approach Coulomb's law, at most."""
 WORTHWHILE = 0.3
 """Share of the error that may be left after a round of sweeps that another one follows."""
 NEWTON_BEGINS = 1e-3
@@ -147,6 +149,30 @@ def solve_cones(
     if not best.done and best.iterations < limit:
         _walk(best)
     return MatrixSolution(best.forces, best.error, best.iterations, clock.seconds)
+
+
+def solve_by_convex_problems(problem: DelassusProblem, options: SolverOptions, *, start: FloatArray) -> MatrixSolution:
+    """Coulomb's law by problems of the associated rule, from forces ``start``, shape (c, 3), for a problem that nothing else solves.
+
+    Each problem is convex: ``mu |u_t|`` of the solution before is added to b_n, De Saxce's correction, as Acary, Cadoux, Lemarechal and
+    Malick (2011) have it. Errors fall by a steady factor, so that the limit of many rounds is that of time.
+    """
+    best = _Best(problem, options.tolerance, Stopwatch(options.time_limit), coulomb=True)
+    best.offer(start)
+    r = start
+    for _ in range(CONVEX_ROUNDS):
+        if best.done:
+            break
+        u, b = problem.velocity(r), problem.b.copy()
+        b[:, 0] += problem.mu * np.hypot(u[:, 1], u[:, 2])
+        convex = DelassusProblem(w=problem.w, b=b, mu=problem.mu)
+        inner = _Best(convex, 0.01 * options.tolerance, best.clock, coulomb=False)
+        with np.errstate(invalid="ignore"):  # a step without a length ends it
+            _interior_point(inner, _pattern(convex.w), 0.01 * options.tolerance, INTERIOR_STEPS)
+        best.iterations += inner.iterations
+        r = inner.forces
+        best.offer(r)
+    return MatrixSolution(best.forces, best.error, best.iterations, best.clock.seconds)
 
 
 def load_kernels() -> None:

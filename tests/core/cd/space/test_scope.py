@@ -50,6 +50,7 @@ def scene(law: ContactLaw = LAW, **changes: Any) -> SphereScene:
         (lambda: scene(walls=(), cell=Cell(size=(3.0, 3.0, 3.0))), {}, "a periodic cell", Capability.PERIODIC_CELL_3D),
         (lambda: scene(), {"regime": "quasi-static"}, "regime = 'quasi-static'", Capability.QUASI_STATIC),
         (lambda: scene(), {"energy_budget": True}, "energy_budget = True", Capability.ENERGY_BUDGET),
+        (lambda: on_floor(LAW, x=[[0.0, 0.0, 0.5], [0.0, 0.9, 0.5]], radius=0.5, mass=1.0), {}, "overlap", None),
         (lambda: scene(), {"solver": "gauss-seidel"}, "solver = 'gauss-seidel'", None),
         (lambda: scene(), {"options": {"cd.relaxation": 1.2}}, "cd.relaxation = 1.2", None),
         (lambda: scene(), {"options": {"cd.contacts": "elastic"}}, "cd.contacts = elastic", None),

@@ -10,9 +10,13 @@ import pytest
 from solids import FLOOR, G, on_floor, rigid, steps
 
 from ninedisk.core import PlaneSegment, PlaneWall, Spheres, SphereScene, simulate
+from ninedisk.core.cd.delassus import DelassusProblem
+from ninedisk.core.cd.solvers.outcome import MatrixSolution
+from ninedisk.core.cd.space import step
 from ninedisk.core.cd.space.session import SpaceSession
 from ninedisk.core.cd.space.step import Solved
 from ninedisk.core.cd.space.walls import WallPoses, material_shift
+from ninedisk.core.errors import SolverNotConvergedError
 from ninedisk.references.contact_law import errors_of_forces
 
 MIXED_HALF = [[0.5, 0.5, 0.2], [0.4, 0.3, 0.1], [0.0, 0.0, 0.0], [0.3, 0.35, 0.15]]
@@ -74,12 +78,12 @@ def test_an_inelastic_collapse_never_gains_energy_and_each_step_is_a_solution(
     )
     worst, noted = 0.0, SpaceSession._note
 
-    def judge(self: SpaceSession, step: int, solved: Solved, *others: Any) -> None:
+    def judge(self: SpaceSession, number: int, solved: Solved, *others: Any) -> None:
         nonlocal worst
         if solved.problem is not None:
             w, b, mu = solved.problem.w, solved.problem.b, solved.problem.mu
             worst = max(worst, errors_of_forces(w, b, mu, solved.r, associated=sliding == "associated").worst)
-        noted(self, step, solved, *others)
+        noted(self, number, solved, *others)
 
     monkeypatch.setattr(SpaceSession, "_note", judge)
     history = simulate(spheres_only, steps(0.005, 60, sliding=sliding, impact=impact), method="cd")
@@ -89,6 +93,21 @@ def test_an_inelastic_collapse_never_gains_energy_and_each_step_is_a_solution(
         energy = energy - history.energy["impact_gain"]
     assert np.diff(energy).max() <= 1e-7 * energy[0]
     assert energy[-1] < 0.8 * energy[0]
+
+
+def test_problems_of_the_associated_rule_lead_to_coulombs_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last resort of a step alone, after a solver that finds nothing: a block slides with ``v0 - mu g t``."""
+
+    def nothing(problem: DelassusProblem, *_: Any, **__: Any) -> MatrixSolution:
+        return MatrixSolution(np.zeros((problem.n_contacts, 3)), 1.0, 0, 0.0)
+
+    monkeypatch.setattr(step, "solve_cones", nothing)
+    scene = on_floor(rigid(mu=0.4), x=[[0.0, 0.0, 0.2]], half_sizes=[[0.5, 0.6, 0.2]], mass=3.0, v=[[1.2, 1.6, 0.0]])
+    history = simulate(scene, steps(0.01, 3), method="cd")
+    speed = 2.0 - 0.4 * G * 0.01 * np.arange(4)
+    assert np.abs(history.v[:, 0] - np.outer(speed, [0.6, 0.8, 0.0])).max() < 1e-5
+    with pytest.raises(SolverNotConvergedError):
+        simulate(scene, steps(0.01, 3, sliding="associated"), method="cd")
 
 
 def test_the_order_of_bodies_and_the_names_of_axes_do_not_matter() -> None:
