@@ -68,10 +68,20 @@ SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspec
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
     "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
-    "a longer box": ("box/incline", TIPS, spheres(half_sizes=as_square, radius=lambda _: None, inertia=lambda _: None), same),
+    "a longer box": (
+        "box/incline",
+        TIPS,
+        spheres(half_sizes=as_square, radius=lambda _: None, inertia=lambda _: None),
+        same,
+    ),
     "moments of inertia of other axes": ("box/incline", TIPS, spheres(inertia=lambda i: i[:, [1, 0, 2]]), same),
     "orientation that is ignored": ("box/incline", TIPS, spheres(quaternion=lambda _: None), same),
-    "moments of the second body": ("box/incline", {"mu": 0.38}, same, reported(moment=lambda m: m + [0.0, 0.6, 0.0])),
+    "moments of the second body": (
+        "box/incline",
+        {"mu": 0.38},
+        same,
+        reported(moment=lambda m: m + np.array([0.0, 0.6, 0.0])),
+    ),
     "friction of another size": ("box/stop", STOPS, friction(1.02), same),
     "a path that bends": ("box/stop", STOPS, same, reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]])),
     "orientation that stays": ("box/free", TURNS, same, reported(quaternion=lambda q: np.broadcast_to(q[0], q.shape))),
@@ -81,7 +91,9 @@ DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..
 }
 
 
-def judged(judge_history: Any, case: Case, engine: Engine, params: Mapping[str, Any], defect: Any = (same, same)) -> Any:
+def judged(
+    judge_history: Any, case: Case, engine: Engine, params: Mapping[str, Any], defect: Any = (same, same)
+) -> Any:
     """The judged cell of an engine that runs a changed scene, or answers otherwise."""
     before, after = defect
     setup = case.build(resolve(case, params).params)
@@ -98,7 +110,9 @@ def test_a_planted_defect_is_found(judge_history: Any, defect: str) -> None:
 
 
 @needs_mujoco
-@pytest.mark.parametrize(("case_id", "params"), [("box/incline", SLIDES), ("box/incline", TIPS), ("box/stop", STOPS), ("box/free", TURNS)])
+@pytest.mark.parametrize(
+    ("case_id", "params"), [("box/incline", SLIDES), ("box/incline", TIPS), ("box/stop", STOPS), ("box/free", TURNS)]
+)
 def test_an_engine_passes_and_is_near_the_physics(judge_history: Any, case_id: str, params: Mapping[str, Any]) -> None:
     case = get_case(case_id)
     assert judged(judge_history, case, MUJOCO, params).failures == []

@@ -88,7 +88,9 @@ def test_a_box_rests_on_an_oblique_floor(engine: str) -> None:
 def test_a_box_in_flight_keeps_its_momentum_and_its_orientation_follows_its_spin(engine: str) -> None:
     start = np.array([0.5, 0.1, -0.7, 0.5])
     spin = np.array([1.0, 4.0, -2.0])
-    box = Spheres(x=[[0.0, 0.0, 9.0]], mass=3.0, half_sizes=[HALF], quaternion=[start], v=[[1.0, 2.0, 3.0]], omega=[spin])
+    box = Spheres(
+        x=[[0.0, 0.0, 9.0]], mass=3.0, half_sizes=[HALF], quaternion=[start], v=[[1.0, 2.0, 3.0]], omega=[spin]
+    )
     scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),))
     history = run(engine, scene, 40, [(0, 1)])
     assert history.quaternion is not None
@@ -96,7 +98,9 @@ def test_a_box_in_flight_keeps_its_momentum_and_its_orientation_follows_its_spin
     np.testing.assert_allclose(first, rotation_matrix(start), atol=1e-12)
     np.testing.assert_allclose(history.omega[0, 0], spin, atol=1e-12)
     inertia = np.array(box.inertia[0])
-    momentum = [turned @ (inertia * (turned.T @ omega)) for turned, omega in ((first, spin), (last, history.omega[-1, 0]))]
+    momentum = [
+        turned @ (inertia * (turned.T @ omega)) for turned, omega in ((first, spin), (last, history.omega[-1, 0]))
+    ]
     # Euler's explicit rule is off by half a step of I w x w.
     np.testing.assert_allclose(momentum[1], momentum[0], atol=4e-3)
     assert abs(history.omega[-1, 0] - spin).max() > 0.1, "the spin moves"
@@ -108,12 +112,19 @@ def test_a_box_in_flight_keeps_its_momentum_and_its_orientation_follows_its_spin
 @each_engine
 def test_a_box_that_cannot_turn_slides_without_turning(engine: str) -> None:
     box = Spheres(
-        x=[[0.0, 0.0, HALF[2]]], mass=4.0, half_sizes=[HALF], quaternion=[turn(0.4)], rotating=[False], v=[[1.0, 0.5, 0.0]]
+        x=[[0.0, 0.0, HALF[2]]],
+        mass=4.0,
+        half_sizes=[HALF],
+        quaternion=[turn(0.4)],
+        rotating=[False],
+        v=[[1.0, 0.5, 0.0]],
     )
     scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),), gravity=(0.0, 0.0, -G))
     history = run(engine, scene, 20, [(0, 1)])
     assert history.quaternion is not None
-    np.testing.assert_allclose(rotation_matrix(history.quaternion[-1, 0]), rotation_matrix(np.array(turn(0.4))), atol=1e-12)
+    np.testing.assert_allclose(
+        rotation_matrix(history.quaternion[-1, 0]), rotation_matrix(np.array(turn(0.4))), atol=1e-12
+    )
     assert not history.omega[-1].any()
     lost = 0.3 * G * 20 * DT / math.hypot(1.0, 0.5)
     # The convex model lifts, and lagged friction has none in the first step.
@@ -159,12 +170,16 @@ def test_mujoco_refuses_a_restitution_of_boxes() -> None:
 
 def test_a_box_that_touches_a_wall_is_not_moved_off_it() -> None:
     """The sphere that encloses it would overlap."""
-    box = Spheres(x=[[0.0, 0.0, 0.3], [5.0, 0.0, 0.29]], mass=[1.0, 2.0], half_sizes=[HALF, HALF], quaternion=[turn(0.4)] * 2)
+    box = Spheres(
+        x=[[0.0, 0.0, 0.3], [5.0, 0.0, 0.29]], mass=[1.0, 2.0], half_sizes=[HALF, HALF], quaternion=[turn(0.4)] * 2
+    )
     scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),))
     np.testing.assert_allclose(without_spring_preload(scene).spheres.x, [[0.0, 0.0, 0.3], [5.0, 0.0, 0.3]], atol=1e-15)
 
 
-def frame(x: Any, half: Any, quaternion: Any, radius: Any = None, i: int = 0, j: int = 1) -> tuple[np.ndarray[Any, Any], float]:
+def frame(
+    x: Any, half: Any, quaternion: Any, radius: Any = None, i: int = 0, j: int = 1
+) -> tuple[np.ndarray[Any, Any], float]:
     bodies = Spheres(x=x, mass=[1.0] * len(x), half_sizes=half, quaternion=quaternion, radius=radius)
     scene = SphereScene(spheres=bodies, sphere_sphere=law(), walls=(floor(law()),))
     point, normal = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
@@ -187,6 +202,8 @@ def test_gaps_of_boxes_are_geometry() -> None:
     assert gap == pytest.approx(-0.6)
     np.testing.assert_allclose(normal, [1.0, 0.0, 0.0])
     # An edge of a box that is turned by 45 degrees before a face.
-    normal, gap = frame([[0.0, 0.0, 5.0], [1.0 + math.sqrt(2.0) + 0.25, 0.0, 5.0]], [one, [1.0, 1.0, 1.0]], [turn(0.0), eighth])
+    normal, gap = frame(
+        [[0.0, 0.0, 5.0], [1.0 + math.sqrt(2.0) + 0.25, 0.0, 5.0]], [one, [1.0, 1.0, 1.0]], [turn(0.0), eighth]
+    )
     assert gap == pytest.approx(0.25)
     np.testing.assert_allclose(normal, [1.0, 0.0, 0.0], atol=1e-12)
