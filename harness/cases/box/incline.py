@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.box.scene import MASS, PAIR, G, box_on_plane, frame_at, pressure_centre, seen, slack
+from ninedisk.harness.cases.box.scene import MASS, PAIR, SOLVED, G, box_on_plane, frame_at, pressure_centre, seen, slack
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     THETA,
