@@ -812,7 +812,9 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
     )
     share, slowing = (1.0, 0.0) if numerics.damping_form == "central" else (0.5, 0.5 * scene.xi)
     critical = _limit(0.0, slowing)
-    inverse, spin = np.where(movable, 1.0 / spheres.mass, 0.0), np.where(spheres.rotating, 1.0 / spheres.inertia, 0.0)
+    # Of a box, the axis about which it turns most easily; this loop runs no boxes, engines that do ask for its step.
+    inertia = spheres.inertia if spheres.inertia.ndim == 1 else spheres.inertia.min(axis=1)
+    inverse, spin = np.where(movable, 1.0 / spheres.mass, 0.0), np.where(spheres.rotating, 1.0 / inertia, 0.0)
     about = inverse * spin / np.where(movable, inverse + spheres.radius**2 * spin, 1.0)
     own = np.zeros((2, len(spheres)))
     for law, alone in (
@@ -831,7 +833,7 @@ def contact_step(scene: SphereScene, numerics: Numerics) -> tuple[float, float]:
                 overlap += 9.0 * (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) * reduced ** (1.0 / 3.0)
             a = sqrt(reduced * overlap)
             kn, ks = 2.0 * law.e_star * a, 8.0 * law.g_star * a if law.mu > 0.0 else 0.0
-        turning = np.where(spheres.rotating, spheres.mass * spheres.radius**2 / spheres.inertia, 0.0).max()
+        turning = np.where(spheres.rotating, spheres.mass * spheres.radius**2 / inertia, 0.0).max()
         omega = sqrt(max(kn, ks * (1.0 + turning)) / mass)
         if omega > 0.0:
             drag = 2.0 * share * law.beta

@@ -13,12 +13,18 @@ from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.boxes import rotation_matrix
 from ninedisk.harness.api.case import FloatArray
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.common import contact_softness, single, slack_time
+from ninedisk.harness.cases.common import contact_softness, contact_step, single, slack_time
 
 MASS, G, KN = 3.0, 10.0, 1e7
 """Mass [kg], gravity [m/s^2], and the stiffness [N/m] of contacts that are no better than springs."""
 
 PAIR = (0, 1)
+
+PHASE = 0.1
+"""Resolution of springs, omega dt."""
+
+SOLVED = 2e-9
+"""Residual of an exact solver over the load: 1e-9 is asked of ours, and of four corners two may be off by that to one side."""
 
 
 class Frame(NamedTuple):
@@ -114,6 +120,17 @@ class Slack(NamedTuple):
     overlap: float
 
 
+def corner_response(half: FloatArray) -> float:
+    """Largest response of a uniform box to a force at a corner, over that to one at the centre: ``1 + r^2/I``, I over the mass."""
+    square = half**2
+    return 1.0 + 3.0 * float(square.sum()) / float(square.sum() - square.max())
+
+
+def spring_step(dt: float, half: FloatArray) -> float:
+    """Step of engines with contact springs [s]: `PHASE` of the fastest swing on the four corners of a face."""
+    return contact_step(dt, PHASE / math.sqrt(4.0 * corner_response(half) * KN / MASS))
+
+
 def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> Slack:
     """Round-off, and what soft contacts let through of a uniform box with these half edges.
 
@@ -122,9 +139,7 @@ def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> S
     corners bear it, so that the overlap of a contact with the scene's stiffness is half the weight over it.
     """
     t_end = dt * n_steps
-    square = half**2
-    response = 1.0 + 3.0 * float(square.sum()) / float(square.sum() - square.max())
-    speed = response * G * slack_time(engine, dt) + 1e-10 * G * t_end + single(engine, G * t_end, n_steps)
+    speed = corner_response(half) * G * slack_time(engine, dt) + SOLVED * G * t_end + single(engine, G * t_end, n_steps)
     keeps = Difference.KEEPS_KN in engine.differences
     overlap = (0.5 * MASS * G / KN if keeps else 0.0) + speed * t_end + 1e-12
     return Slack(speed, contact_softness(engine) + 1e-9 + single(engine, 1.0, 1), overlap)

@@ -11,7 +11,7 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.box.scene import PAIR, G, box_on_plane, frame_at, seen, slack, turned_angle
+from ninedisk.harness.cases.box.scene import PAIR, G, box_on_plane, frame_at, seen, slack, spring_step, turned_angle
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
@@ -86,7 +86,7 @@ class BoxStop:
         n_steps = whole_steps(params, BEYOND * params["speed"] / (params["mu"] * G))
         return SphereSetup(
             scene=scene,
-            numerics=numerics_of(params, n_steps=n_steps, contact_dt=params["dt"]),
+            numerics=numerics_of(params, n_steps=n_steps, contact_dt=spring_step(params["dt"], HALF)),
             watch=(PAIR,),
             labels={"floor": PAIR},
         )

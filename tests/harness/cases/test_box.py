@@ -76,7 +76,12 @@ DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..
     ),
     "moments of inertia of other axes": ("box/incline", TIPS, spheres(inertia=lambda i: i[:, [1, 0, 2]]), same),
     "orientation that is ignored": ("box/incline", TIPS, spheres(quaternion=lambda _: None), same),
-    "moments of the second body": ("box/incline", {"mu": 0.38}, same, reported(moment=lambda m: m + [0.0, 0.6, 0.0])),
+    "moments of the second body": (
+        "box/incline",
+        {"mu": 0.38},
+        same,
+        reported(moment=lambda m: m + np.array([0.0, 0.6, 0.0])),
+    ),
     "friction of another size": ("box/stop", STOPS, friction(1.02), same),
     "a path that bends": ("box/stop", STOPS, same, reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]])),
     "orientation that stays": ("box/free", TURNS, same, reported(quaternion=lambda q: np.broadcast_to(q[0], q.shape))),
