@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import ninedisk
 from ninedisk.core.cd.laws import ignored_restitution, sticking_wrongly, wedging_corners
@@ -75,7 +75,7 @@ def expressible_scene(scene: AnyScene, numerics: Numerics) -> AnyScene:
     scene = without_spring_preload(scene)
     if not any(ignored_restitution(law, not law.regularised, numerics) for law in scene.laws_in_use):
         return scene
-    return scene.with_laws(heeded)
+    return scene.with_laws(heeded)  # type: ignore[return-value]
 
 
 class CdEngine:
@@ -174,7 +174,7 @@ class CdEngine:
                 raise ReachedError
 
         session = _session(scene, numerics, watch)
-        module = sys.modules[type(session).__module__]
+        module: Any = sys.modules[type(session).__module__]
         usual, module.PROGRESS_EVERY = module.PROGRESS_EVERY, -1.0  # reported at every sample, whatever the clock says
         try:
             with suppress(ReachedError):
