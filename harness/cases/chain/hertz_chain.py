@@ -115,7 +115,9 @@ class HertzChain:
             sphere_sphere=SphereLaw(e_star=e_star),
         )
         dt = SAMPLE * _units(params["speed"])[1]
-        numerics = Numerics(dt=dt, n_steps=_samples(), contact_dt=dt / params["substeps"])
+        numerics = Numerics(
+            dt=dt, n_steps=_samples(), contact_dt=dt / params["substeps"], impact="newton", sliding="coulomb"
+        )
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"first contact": (0, 1)})
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002

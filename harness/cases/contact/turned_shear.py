@@ -125,7 +125,7 @@ class Turned:
             dt = 1.0 / steps
         scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=walls)
         every = steps // SAMPLES
-        numerics = Numerics(dt=every * dt, n_steps=SAMPLES, contact_dt=dt)
+        numerics = Numerics(dt=every * dt, n_steps=SAMPLES, contact_dt=dt, impact="newton", sliding="coulomb")
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
     def _pair(self, kind: str) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:

@@ -171,7 +171,13 @@ def _impacts(params: Mapping[str, Any]) -> SphereSetup:
     scene = SphereScene(
         spheres=Spheres(x=x, v=v, omega=omega, radius=R_IMPACT, mass=masses), sphere_sphere=pair, walls=walls
     )
-    numerics = Numerics(dt=dt, n_steps=math.ceil(AHEAD + longest / dt) + AFTER, contact_dt=contact_dt)
+    numerics = Numerics(
+        dt=dt,
+        n_steps=math.ceil(AHEAD + longest / dt) + AFTER,
+        contact_dt=contact_dt,
+        impact="newton",
+        sliding="coulomb",
+    )
     return SphereSetup(scene=scene, numerics=numerics, watch=tuple(each.bodies for each in meetings),
                        labels={each.name: each.bodies for each in meetings})  # fmt: skip
 
@@ -340,7 +346,13 @@ def _flight(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
         gravity=_three_spheres(FLIGHT_G),
     )
     numerics = Numerics(
-        dt=FLIGHT_DT, n_steps=FLIGHT_STEPS, contact_dt=FLIGHT_DT, sample_every=FLIGHT_STEPS, allow_unstable=True
+        dt=FLIGHT_DT,
+        n_steps=FLIGHT_STEPS,
+        contact_dt=FLIGHT_DT,
+        sample_every=FLIGHT_STEPS,
+        allow_unstable=True,
+        impact="newton",
+        sliding="coulomb",
     )
     return SphereSetup(scene=scene, numerics=numerics, watch=(), labels={})
 
@@ -380,7 +392,7 @@ def _belt(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     )  # fmt: skip
     swing = math.sqrt(3.5 * KS_OVER_KN * BELT_KN / M_BELT.min())
     numerics = Numerics(dt=BELT_DT, n_steps=round((3.0 * LEG + LAST) / BELT_DT), contact_dt=contact_step(BELT_DT, BELT_PHASE / swing),
-                        sample_every=20, sliding="coulomb")  # fmt: skip
+                        sample_every=20, sliding="coulomb", impact="newton")  # fmt: skip
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 4), (1, 4), (2, 4)), labels={"contact": (0, 4)})
 
 
@@ -425,7 +437,7 @@ def _held_spheres(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     scene = SphereScene(spheres=spheres, sphere_sphere=law, walls=(floor,), gravity=_three_spheres(-G * ONE))
     swing = math.sqrt(3.5 * KS_OVER_KN * BELT_KN / M_FIRST.min())
     numerics = Numerics(dt=BELT_DT, n_steps=round(HELD_T / BELT_DT), contact_dt=contact_step(BELT_DT, BELT_PHASE / swing),
-                        sample_every=20, sliding="coulomb")  # fmt: skip
+                        sample_every=20, sliding="coulomb", impact="newton")  # fmt: skip
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 3), (1, 3)), labels={"contact": (0, 3)})
 
 
@@ -471,7 +483,7 @@ def _crowd_scene(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     )
     lasts = math.pi * math.sqrt(mass.max() / CROWD_KN)
     numerics = Numerics(dt=CROWD_DT, n_steps=math.ceil(AHEAD + lasts / CROWD_DT) + AFTER,
-                        contact_dt=contact_step(CROWD_DT, CROWD_PHASE * math.sqrt(mass.min() / CROWD_KN)))  # fmt: skip
+                        contact_dt=contact_step(CROWD_DT, CROWD_PHASE * math.sqrt(mass.min() / CROWD_KN)), impact="newton", sliding="coulomb")  # fmt: skip
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 12), (7, 12), (11, 12)), labels={"contact": (0, 12)})
 
 
@@ -511,7 +523,15 @@ def _resisted_spheres(params: Mapping[str, Any]) -> SphereSetup:
         mass=np.append(M_HELD, 1.0), held=np.array([[True] * 3, [True] * 3, [False] * 3]),
     )  # fmt: skip
     scene = SphereScene(spheres=spheres, sphere_sphere=law)
-    numerics = Numerics(dt=HELD_DT, n_steps=HELD_STEPS, contact_dt=HELD_DT / 10.0, sample_every=20, allow_unstable=True)
+    numerics = Numerics(
+        dt=HELD_DT,
+        n_steps=HELD_STEPS,
+        contact_dt=HELD_DT / 10.0,
+        sample_every=20,
+        allow_unstable=True,
+        impact="newton",
+        sliding="coulomb",
+    )
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
 

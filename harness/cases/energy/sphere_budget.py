@@ -104,7 +104,7 @@ class SphereBudget(Budget):
         steps = max(1, round(params["duration"] / dt))
         numerics = Numerics(
             dt=dt, n_steps=steps, contact_dt=dt, sample_every=max(1, steps // 300), energy_budget=True
-        )  # fmt: skip
+        , impact="newton", sliding="coulomb")  # fmt: skip
         return SphereSetup(scene=scene, numerics=numerics, watch=())
 
     def rate(self, scene: SphereScene) -> float:

@@ -78,7 +78,13 @@ class CoolingSpheres(CoolingGas):
             walls=tuple(walls),
         )
         own = own_step(params) if params["contact_dt"] is None else params["contact_dt"]
-        numerics = Numerics(dt=params["dt"], n_steps=whole_steps(params, params["duration"]), contact_dt=own)
+        numerics = Numerics(
+            dt=params["dt"],
+            n_steps=whole_steps(params, params["duration"]),
+            contact_dt=own,
+            impact="newton",
+            sliding="coulomb",
+        )
         return SphereSetup(scene=scene, numerics=numerics, watch=(), labels={})
 
     def checks(

@@ -84,7 +84,7 @@ class AdhesiveImpact:
             ),
             sphere_sphere=law,
         )  # fmt: skip
-        numerics = Numerics(dt=dt, n_steps=math.ceil(lasts / dt), contact_dt=dt)
+        numerics = Numerics(dt=dt, n_steps=math.ceil(lasts / dt), contact_dt=dt, impact="newton", sliding="coulomb")
         return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
     def observe(self, params: Mapping[str, Any], setup: SphereSetup, history: History) -> Observed:  # noqa: ARG002

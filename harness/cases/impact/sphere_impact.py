@@ -58,7 +58,7 @@ def setup_of(
         sphere_sphere=law,
         walls=walls,
     )
-    numerics = Numerics(dt=dt, n_steps=n_steps, contact_dt=contact_dt)
+    numerics = Numerics(dt=dt, n_steps=n_steps, contact_dt=contact_dt, impact="newton", sliding="coulomb")
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 1),), labels={"contact": (0, 1)})
 
 

@@ -137,6 +137,7 @@ class RollsOff:
             contact_dt=contact_step(dt, PHASE / swing) if params["contact_dt"] is None else params["contact_dt"],
             sample_every=10,
             sliding="coulomb",
+            impact="newton",
         )
         watch, labels = ((0, 1),), {"contact": (0, 1)}
         if self.space:

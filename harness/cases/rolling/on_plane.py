@@ -82,7 +82,14 @@ def _spheres(x: FloatArray, v: FloatArray) -> Spheres:
 def _numerics(params: Mapping[str, Any], duration: float, every: int = 1, kn: float = KN) -> Numerics:
     dt = params["dt"]
     contact_dt = contact_step(dt, PHASE / _swing(kn)) if params["contact_dt"] is None else params["contact_dt"]
-    return Numerics(dt=dt, n_steps=max(1, math.ceil(duration / dt)), contact_dt=contact_dt, sample_every=every)
+    return Numerics(
+        dt=dt,
+        n_steps=max(1, math.ceil(duration / dt)),
+        contact_dt=contact_dt,
+        sample_every=every,
+        impact="newton",
+        sliding="coulomb",
+    )
 
 
 def _velocity_tolerance(setup: SphereSetup, engine: EngineInfo, pull: float, speed: float) -> float:

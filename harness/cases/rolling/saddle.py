@@ -107,7 +107,14 @@ class OnSaddle:
         contact_dt = contact_step(dt, math.pi * math.sqrt(MASS / kn) / STEPS_IN_CONTACT) if own is None else own
         return SphereSetup(
             scene=SphereScene(spheres=spheres, sphere_sphere=law, gravity=(x, y, z)),
-            numerics=Numerics(dt=dt, n_steps=STEPS, contact_dt=contact_dt, sample_every=STEPS // SAMPLES),
+            numerics=Numerics(
+                dt=dt,
+                n_steps=STEPS,
+                contact_dt=contact_dt,
+                sample_every=STEPS // SAMPLES,
+                impact="newton",
+                sliding="coulomb",
+            ),
             watch=((0, 1), (0, 2)),
             labels={"left": (0, 1), "right": (0, 2)},
         )

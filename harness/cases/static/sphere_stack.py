@@ -122,7 +122,12 @@ class Stack:
         dt = params["dt"]
         own = contact_step(dt, PHASE / FASTEST) if params["contact_dt"] is None else params["contact_dt"]
         numerics = Numerics(
-            dt=dt, n_steps=max(1, math.ceil(params["duration"] / dt * (1.0 - 1e-12))), contact_dt=own, sample_every=5
+            dt=dt,
+            n_steps=max(1, math.ceil(params["duration"] / dt * (1.0 - 1e-12))),
+            contact_dt=own,
+            sample_every=5,
+            impact="newton",
+            sliding="coulomb",
         )
         tops, feet = [(k, n) for k in range(n)], [(k, n + 1) for k in range(n)]
         return SphereSetup(
