@@ -107,6 +107,14 @@ class Difference(StrEnum):
         "the neck of JKR's contact parts where it pulls most, as under a dead load, and not where its branch ends: spheres that come "
         "apart lose half as much, and some part that should stick"
     )
+    BOX_FRICTION_ASKEW = (
+        "friction at the corners of a box is not against their slip: its direction is off by up to 0.3 rad, and differs from corner to "
+        "corner"
+    )
+    MISSED_TOLERANCE_GIVES_PYRAMID = (
+        "a step in which the solver misses its tolerance is solved by another one, whose friction is a pyramid: for that step friction of "
+        "boxes is off by up to 0.3 of its bound"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

@@ -26,6 +26,8 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.SHEAR_KEEPS_DIRECTION: "shear-keeps-direction",
     Difference.RESISTANCES_SHARE_CONE: "resistances-share-cone",
     Difference.NECK_PARTS_AT_LARGEST_PULL: "neck-parts-at-largest-pull",
+    Difference.BOX_FRICTION_ASKEW: "friction-of-a-box-askew",
+    Difference.MISSED_TOLERANCE_GIVES_PYRAMID: "missed-tolerance-gives-a-pyramid",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

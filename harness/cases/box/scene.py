@@ -35,6 +35,18 @@ class Frame(NamedTuple):
     up: FloatArray
 
 
+ASKEW = (Difference.BOX_FRICTION_ASKEW, Difference.MISSED_TOLERANCE_GIVES_PYRAMID)
+"""Differences that turn the friction of a box."""
+
+OFF = 0.3
+"""Part of its bound by which that friction is off: 2 sin(0.15) of a direction that is off by 0.3 rad, as the differences say."""
+
+
+def askew_of(engine: EngineInfo) -> Difference | None:
+    """The difference of an engine that turns the friction of a box; None where it has none."""
+    return next((each for each in ASKEW if each in engine.differences), None)
+
+
 def frame_at(angle: float) -> Frame:
     """The frame whose first vector has this angle [rad] to the x axis."""
     c, s = math.cos(angle), math.sin(angle)

@@ -11,7 +11,18 @@ import numpy as np
 from ninedisk.core.history import History
 from ninedisk.harness.api.case import Check, Headline, Observed, Parameter, ParameterError, SphereSetup, Value
 from ninedisk.harness.api.engine import Difference, EngineInfo
-from ninedisk.harness.cases.box.scene import PAIR, G, box_on_plane, frame_at, seen, slack, spring_step, turned_angle
+from ninedisk.harness.cases.box.scene import (
+    OFF,
+    PAIR,
+    G,
+    askew_of,
+    box_on_plane,
+    frame_at,
+    seen,
+    slack,
+    spring_step,
+    turned_angle,
+)
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
@@ -129,11 +140,10 @@ class BoxStop:
         """The motion in continuous time for all engines; exact steps where the scheme has them."""
 
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            return _continuous(params, setup, observed, engine)
+            return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
 
-        difference = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
-        exact = _exact(params, setup, observed, engine)
-        return [*exact, *checks_with_allowance(difference, setup, engine, found)]
+        others = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
+        return checks_with_allowance(askew_of(engine) or others, setup, engine, found)
 
 
 def _frame(params: Mapping[str, Any]) -> Any:
@@ -159,15 +169,16 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     path = np.concatenate([[0.0], np.cumsum(numerics.dt * (theta * speed[1:] + (1.0 - theta) * speed[:-1]))])
     # Rounding decides whether a stop that ends with a step takes one more.
     rough = 1e-9 * params["speed"]
+    off = OFF if askew_of(engine) else 0.0
     source, why = (
         f"{engine.scheme}: exact speeds and their sum",
         "exact solution of this very scheme: round-off and the solver's tolerance",
     )
     return [
         Check(quantity="distance", norm="max", truth="exact-step", expected=path[observed.step], source=source, rtol=EXACT_STEP_RTOL,
-              atol=rough * float(observed.t[-1]), scale=float(path[-1]), why=why),
+              atol=rough * float(observed.t[-1]) + off * float(path[-1]), scale=float(path[-1]), why=why),
         Check(quantity="speed", norm="max", truth="exact-step", expected=speed[observed.step], source=source, rtol=EXACT_STEP_RTOL,
-              atol=rough, scale=params["speed"], why=why),
+              atol=rough + off * params["speed"], scale=params["speed"], why=why),
     ]  # fmt: skip
 
 
@@ -194,6 +205,13 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         atol["distance"] += offset * (v0 / (mu * G) + dt)
         atol["turned"] += offset * dt / lever
         why += f"; no friction in the first step: {offset:.3g} m/s"
+    if askew_of(engine):
+        # So much of the friction acts across the path and turns the box, which rocks by a hundredth of that: 5e-4 m are known.
+        aside = OFF * float(path[-1])
+        atol["speed"] += OFF * v0
+        for name, size in (("distance", aside), ("across", aside), ("gap", 1e-2 * aside), ("turned", aside / lever)):
+            atol[name] += size
+        why += f"; friction is off by up to {OFF:g} of its bound"
     if follows_associated_rule(engine, numerics):
         # A step in touch lifts by mu times the slip; a flight has no friction, and a landing takes as much as it has left out.
         fall, lift = G * dt, mu * v0

@@ -483,7 +483,8 @@ def _crowd_scene(params: Mapping[str, Any]) -> SphereSetup:  # noqa: ARG001
     )
     lasts = math.pi * math.sqrt(mass.max() / CROWD_KN)
     numerics = Numerics(dt=CROWD_DT, n_steps=math.ceil(AHEAD + lasts / CROWD_DT) + AFTER,
-                        contact_dt=contact_step(CROWD_DT, CROWD_PHASE * math.sqrt(mass.min() / CROWD_KN)), impact="newton", sliding="coulomb")  # fmt: skip
+                        contact_dt=contact_step(CROWD_DT, CROWD_PHASE * math.sqrt(mass.min() / CROWD_KN)),
+                        impact="newton", sliding="coulomb")  # fmt: skip
     return SphereSetup(scene=scene, numerics=numerics, watch=((0, 12), (7, 12), (11, 12)), labels={"contact": (0, 12)})
 
 

@@ -20,7 +20,6 @@ FINDINGS = (
             quantity="across",
             truth="analytic",
             over=1e-6,
-            fails=True,
             over_why="Coulomb's friction has no moment about the normal here: MuJoCo, DART and Drake go straight to 1e-6 of the path",
         ),
         command="ninedisk run box/stop --engine bullet --set direction_deg=45",

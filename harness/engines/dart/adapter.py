@@ -57,7 +57,10 @@ FACTS = package_facts(
     name="DART",
     scheme="semi-implicit Euler, regularised",
     contact="soft",
-    differences={Difference.ARM_LESS_OVERLAP: "the place of DART's contact of a sphere and a plane lies in the plane"},
+    differences={
+        Difference.ARM_LESS_OVERLAP: "the place of DART's contact of a sphere and a plane lies in the plane",
+        Difference.MISSED_TOLERANCE_GIVES_PYRAMID: "DART solves such a step by dantzig",
+    },
     softness=FORCE_MIXING,
     softness_why="constraint force mixing: that part is added to the diagonal of the contacts' problem",
     options=OPTIONS,

@@ -42,7 +42,6 @@ FINDINGS = (
             quantity="turning",
             truth="analytic",
             over=1e-5,
-            fails=True,
             over_why="contacts give way by 1e-5, at a corner six times as much, of 2 m/s over 0.2 m",
         ),
         command="ninedisk run box/incline --engine dart --set mu=0.8 --set aspect=0.38",
