@@ -15,8 +15,8 @@ class UsageError(ValueError):
     >>> try:
     ...     get_case("binary-colision")
     ... except UsageError as error:
-    ...     print(str(error).split("?")[0])
-    there is no case 'binary-colision'. Did you mean 'binary-collision' or 'nurbs/collision' or 'impact/cohesion'
+    ...     print(str(error).split(" or ")[0])
+    there is no case 'binary-colision'. Did you mean 'binary-collision'
     """
 
 

@@ -273,13 +273,16 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
 
 def _option(name: str, given: Mapping[str, Any]) -> Option:
     if "choices" in given:
-        option = Option(default=given["default"], why=one_line(given["why"]), choices=tuple(given["choices"]))
+        words = {"choices": tuple(given["choices"]), "stock": given.get("stock")}
+        option = Option(default=given["default"], why=one_line(given["why"]), **words)
     else:
         rest = {key: value for key, value in given.items() if key not in ("default", "why", "none")}
         meaning = one_line(given.get("none", ""))
         option = Option(default=given["default"], why=one_line(given["why"]), none=meaning, **rest)
     try:
         option.checked(name, option.default)
+        if option.stock is not None:
+            option.checked(name, option.stock)
     except InvalidNumericsError as error:
         raise WireError(f"the description's default does not fit: {error}") from error
     return option

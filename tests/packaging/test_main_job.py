@@ -111,7 +111,8 @@ def test_engines_by_their_commands_join_all_others(job: ModuleType, monkeypatch:
     monkeypatch.setattr(job, "changed_verdicts", lambda _: "")
     monkeypatch.setattr(sys, "argv", ["main_job.py", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c"])
     assert job.main() == 0
-    assert calls[0][:6] == ("run", "--all-engines", "--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")
+    assert calls[0][:4] == ("run", "--all-engines", "--profile", "both")
+    assert calls[0][4:8] == ("--engine-cmd", "node a.mjs", "--engine-cmd", "./b c")
 
 
 @pytest.mark.usefixtures("cells_here")

@@ -143,7 +143,13 @@ def test_choices_are_those_of_the_code() -> None:
     differences = {each.name.lower() for each in Difference}
     assert set(about) - names(EngineInfo) == {"wire_version", "approximations"} | differences
     # Whatever an adapter in Python can say of its engine, a command can say of itself; these the harness says of it.
-    assert names(EngineInfo) - set(about) == {"how_it_runs", "not_installed_because", "reference", "differences"}
+    assert names(EngineInfo) - set(about) == {
+        "how_it_runs",
+        "not_installed_because",
+        "reference",
+        "differences",
+        "profile",
+    }
     arms = [wire_name(arm) for arm in ARMS_OF_LAWS.values()]
     assert about["turns_exactly_with"]["items"]["enum"] == about["arms_at_walls"]["items"]["enum"] == arms
     kinds = about["options"]["additionalProperties"]["oneOf"]
