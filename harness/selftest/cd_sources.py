@@ -13,6 +13,8 @@ SHARED, BATCH = "cd.contact_kernels", "cd.batch_kernels"
 
 _kernel, _python = partial(planted, "cd", "kernel"), partial(planted, "cd", "python")
 
+IN_SPACE, ITS_CONTACTS, ITS_BODIES = "cd.space.step", "cd.space.contacts", "cd.space.bodies"
+
 STEPS = (
     _kernel("reaction", "the reaction on the second disk is a millionth too large", "hit",
             (CONTACT, "add_contact_force", "out[j, 0] -= weight[j, 0] * fx", "out[j, 0] -= 1.000001 * weight[j, 0] * fx")),
@@ -120,4 +122,22 @@ HOLES = tuple(
     )
 )  # fmt: skip
 
-DEFECTS = (*STEPS, *HOLES)
+SPACE = (
+    _python("space-arm", "torques of contacts in space have the wrong sign", "box-tips",
+            (ITS_CONTACTS, "ContactSearch._frames", "motion[:, 0, a, 3:] = sign * np.cross(first, axes[:, a])",
+             "motion[:, 0, a, 3:] = -sign * np.cross(first, axes[:, a])")),
+    _python("space-no-torque", "contact forces in space have no torque", "ball-rolls",
+            (IN_SPACE, "ContactStep.solve", "impulse[:, 3:]", "0.0 * impulse[:, 3:]")),
+    _python("space-not-turned", "bodies in space keep their orientation", "box-turns",
+            (ITS_BODIES, "FreeStep.end", "product(exponential(turned), state.quaternion)", "state.quaternion")),
+    _python("space-friction", "friction in space is a thousandth too small", "box-slides",
+            (IN_SPACE, "ContactStep.solve", "DelassusProblem(w=self._with_stiff_tangents(w, b), b=b, mu=self._laws.mu[frames.row])",
+             "DelassusProblem(w=self._with_stiff_tangents(w, b), b=b, mu=0.999 * self._laws.mu[frames.row])")),
+    _python("space-restitution", "impacts in space return a thousandth less", "ball-bounces",
+            (IN_SPACE, "ContactStep.velocities_without", "np.where(newton, e, 0.0) * before", "0.999 * np.where(newton, e, 0.0) * before")),
+    _python("space-wall-turn", "walls in space that turn carry nothing along", "ball-on-table",
+            (IN_SPACE, "ContactStep.velocities_without", "(frames.shift / dt + end[:, 1:])[newton]", "end[:, 1:][newton]")),
+)  # fmt: skip
+"""Of scenes in space."""
+
+DEFECTS = (*STEPS, *SPACE, *HOLES)

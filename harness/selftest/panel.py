@@ -160,6 +160,12 @@ CD_PANEL: dict[str, Probe] = {
     "roll-coulomb": Probe(ROLL, {"sliding": "coulomb"}),
     "stop": Probe(ROLL, {"rotating": False}),
     "stop-coulomb": Probe(ROLL, {"rotating": False, "sliding": "coulomb"}),
+    "box-tips": Probe("box/incline", {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}),
+    "box-slides": Probe("box/incline", {"mu": 0.35}),
+    "box-turns": Probe("box/free", {}),
+    "ball-bounces": Probe("spheres/thornton", {"law": "linear", "incidence": 1.5}),
+    "ball-rolls": Probe("spheres/rolling", {}),
+    "ball-on-table": Probe("spheres/turntable", {"turn": 14.0}),
 }
 
 RIGID_PANEL: dict[str, Probe] = {

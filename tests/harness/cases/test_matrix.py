@@ -64,6 +64,7 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "spheres/saddle": (DEM,),
     "spheres/unequal": (DEM,),
     **{f"nurbs/{name}": (DEM,) for name in ("overlap", "collision", "settle", "rolling")},
+    **{f"box/{name}": (CD,) for name in ("incline", "stop", "free")},
 }
 LEAST = {
     "row/pushed": 7,
@@ -111,6 +112,9 @@ OTHERS: tuple[tuple[str, Engine, Mapping[str, Any]], ...] = (
     ("gas/elastic", CD, {"duration": 1.0}),
     *(("gas/cooling", engine, {"rows": 5}) for engine in ALL),
     ("slip-to-roll", PYMUNK, {"start": "dilated"}),
+    *((f"spheres/{name}", CD, {}) for name in ("rolling", "incline", "isotropy")),
+    ("spheres/turntable", CD, {"turn": 2.0}),
+    ("spheres/thornton", CD, {"law": "linear", "incidence": 2.5}),
     *(("row/pushed", CD, {"xi": xi, "g": g}) for xi, g in ((0.0, 0.0), (300.0, 10.0))),
 )
 """Variants that are in no matrix, or too long in theirs."""
