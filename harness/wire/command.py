@@ -273,7 +273,7 @@ def read_description(text: str, *, how_it_runs: str) -> Description:
 
 def _option(name: str, given: Mapping[str, Any]) -> Option:
     if "choices" in given:
-        words = {"choices": tuple(given["choices"]), "stock": given.get("stock")}
+        words: dict[str, Any] = {"choices": tuple(given["choices"]), "stock": given.get("stock")}
         option = Option(default=given["default"], why=one_line(given["why"]), **words)
     else:
         rest = {key: value for key, value in given.items() if key not in ("default", "why", "none")}

@@ -549,7 +549,7 @@ class Turntable:
                 # The chord of the plane's material points where it moved half a step before. That turns the pull, and at the start, where
                 # the ball rolls without slip, 2/7 of the difference to the plane's speed at up to 3 m from the axis is given to it.
                 bound += truth.rate * 0.5 * turn * dt * (speed * t_end + 3.0)
-                why += "; contact dynamics takes the way of the plane's material over the step, a chord that lags by half a turn of it"
+                why += "; contact dynamics takes the plane's displacement over the step, a chord that lags by half its turn"
             bound += (pull + turn * 3.0) * (slack_time(engine, dt) + contact_softness(engine) * t_end)
             # Places of implicit steps are sums of the velocities at one end of each.
             lag = 0.0 if engine.contact == "spring" else speed * dt
