@@ -93,7 +93,7 @@ def pair_of(name: str, values: ArrayLike, length: int = 2) -> FloatArray:
     """Two finite numbers, or ``length``, as float64, shape (length,); raises ValueError."""
     found = array(name, values, dimensions=(1,))
     if found.shape != (length,):
-        words = {2: "two", 3: "three"}
+        words = {2: "two", 3: "three", 4: "four"}
         raise ValueError(f"{name} = {values!r:.200} is not allowed: it must be {words[length]} numbers")
     return found
 

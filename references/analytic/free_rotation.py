@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from ninedisk.references._validate import positive, times_of
+from ninedisk.references._validate import count, pair_of, positive, sizes, times_of
 
 FloatArray = NDArray[np.float64]
+
+MOST_TURNED, MOST_STEPS = 1e4, 100_000
+"""Angle [rad] and number of steps up to which a rotation is followed: seconds of work."""
 
 
 class Rotation(NamedTuple):
@@ -20,7 +23,7 @@ class Rotation(NamedTuple):
     quaternion: FloatArray
 
 
-def gyration(inertia: FloatArray, spin: FloatArray) -> FloatArray:
+def _gyration(inertia: FloatArray, spin: FloatArray) -> FloatArray:
     """Rate of change of the spin about the body's axes [rad/s^2]: ``I^-1 (I w x w)``."""
     return np.cross(inertia * spin, spin) / inertia
 
@@ -38,18 +41,24 @@ def free_rotation(t: ArrayLike, *, inertia: ArrayLike, spin: ArrayLike, quaterni
         Spin at time 0 about the axes of the body [rad/s].
     quaternion : array_like, shape (4,)
         Rotation from the body's frame at time 0, a unit quaternion (w, x, y, z).
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or the body turns by more than `MOST_TURNED`.
     """
     times = times_of(t)
-    moments, start = np.asarray(inertia, dtype=np.float64), np.asarray(spin, dtype=np.float64)
-    positive(first=float(moments[0]), second=float(moments[1]), third=float(moments[2]))
+    moments, start, first = _start(inertia, spin, quaternion)
+    if not float(np.linalg.norm(start)) * float(times.max(initial=0.0)) <= MOST_TURNED:
+        raise ValueError(f"t = {t!r:.200} is not allowed: the body turns by at most {MOST_TURNED:g} rad")
 
     def rate(_: float, y: FloatArray) -> FloatArray:
-        return np.concatenate([gyration(moments, y[:3]), quaternion_rate(y[3:], y[:3])])
+        return np.concatenate([_gyration(moments, y[:3]), _quaternion_rate(y[3:], y[:3])])
 
     found = solve_ivp(
         rate,
         (0.0, max(float(times.max(initial=0.0)), 1e-300)),
-        np.concatenate([start, np.asarray(quaternion, dtype=np.float64)]),
+        np.concatenate([start, first]),
         method="DOP853",
         rtol=1e-13,
         atol=1e-14,
@@ -59,7 +68,7 @@ def free_rotation(t: ArrayLike, *, inertia: ArrayLike, spin: ArrayLike, quaterni
     return Rotation(found.y[:3].T, turned / np.linalg.norm(turned, axis=1)[:, None])
 
 
-def quaternion_rate(quaternion: FloatArray, spin: FloatArray) -> FloatArray:
+def _quaternion_rate(quaternion: FloatArray, spin: FloatArray) -> FloatArray:
     """Rate of a quaternion [1/s] under a spin about the axes of the body [rad/s]: half their product."""
     w, x, y, z = quaternion
     a, b, c = spin
@@ -76,18 +85,33 @@ def euler_steps(n_steps: int, *, dt: float, inertia: ArrayLike, spin: ArrayLike,
     n_steps : int
         Number of steps.
     dt : float
-        Length of a step [s], > 0.
+        Length of a step [s], > 0; the body turns by at most 1 rad in it.
     inertia, spin, quaternion
         As of `free_rotation`.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range.
     """
     positive(dt=dt)
-    moments, w = np.asarray(inertia, dtype=np.float64), np.array(spin, dtype=np.float64)
-    q = np.array(quaternion, dtype=np.float64)
+    count(n_steps=n_steps, most=MOST_STEPS)
+    moments, w, q = _start(inertia, spin, quaternion)
+    if not dt * float(np.linalg.norm(w)) <= 1.0:
+        raise ValueError(f"dt = {dt!r} is not allowed: the body turns by at most 1 rad in a step")
     spins, turned = [w], [q]
     for _ in range(n_steps):
-        w = w + dt * gyration(moments, w)
-        q = q + dt * quaternion_rate(q, w)
+        w = w + dt * _gyration(moments, w)
+        q = q + dt * _quaternion_rate(q, w)
         q = q / np.linalg.norm(q)
         spins.append(w)
         turned.append(q)
     return Rotation(np.array(spins), np.array(turned))
+
+
+def _start(inertia: ArrayLike, spin: ArrayLike, quaternion: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Moments, spin and unit quaternion as arrays; ValueError that names what is none."""
+    turn = pair_of("quaternion", quaternion, 4)
+    if not abs(float(np.linalg.norm(turn)) - 1.0) <= 1e-9:
+        raise ValueError(f"quaternion = {quaternion!r:.200} is not allowed: its size must be 1")
+    return np.array(sizes("inertia", inertia, least=3, most=3, strict=True)), pair_of("spin", spin, 3), turn

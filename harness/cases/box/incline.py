@@ -114,7 +114,12 @@ class BoxIncline:
         )
         n_steps = whole_steps(params, params["duration"], at_least=4.0 * params["dt"], event="half of the run")
         if first.mode == "tips":
-            needed = tipping_box(params["dt"] * np.arange(n_steps + 1), **_tipping(params)).needed
+            try:
+                needed = tipping_box(params["dt"] * np.arange(n_steps + 1), **_tipping(params)).needed
+            except ValueError:
+                raise ParameterError(
+                    f"duration = {n_steps * params['dt']:g} s is not allowed: the box has fallen long before; use a shorter one"
+                ) from None
             if needed.max() > params["mu"] or not np.all(needed > 0.0):
                 raise ParameterError(
                     f"duration = {params['duration']:g} is not allowed: the lower edge would slip; use a shorter one, or more friction"

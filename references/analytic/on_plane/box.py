@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 from ninedisk.references._validate import not_negative, positive, slope, times_of
 
 FloatArray = NDArray[np.float64]
+MOST_GROWTH = 20.0
+"""Logarithm of the growth of a small turn up to which a box that tips is followed."""
 Mode = Literal["stands", "slides", "tips", "slides and tips"]
 
 
@@ -49,6 +51,11 @@ def box_start(*, mu: float, angle: float, half_length: float, half_height: float
         Moment of inertia about the level axis through the centre, over the mass [m^2], > 0.
     g : float
         Gravity [m/s^2], > 0.
+
+    Raises
+    ------
+    ValueError
+        If a value is out of its range, or the box is so slender and so light at its ends that friction at its edge jams it.
     """
     positive(half_length=half_length, half_height=half_height, inertia=inertia, g=g)
     not_negative(mu=mu)
@@ -64,6 +71,11 @@ def box_start(*, mu: float, angle: float, half_length: float, half_height: float
     if fs <= mu * fn:
         return BoxStart("tips", h * tipping, tipping, fn, fs, b)
     lever = mu * h - b
+    if not inertia > lever * b:
+        raise ValueError(
+            f"inertia = {inertia!r} is not allowed with mu = {mu!r}, half_length = {half_length!r} and half_height = {half_height!r}: it "
+            f"must be > {lever * b:g}"
+        )
     tipping = lever * press / (inertia - lever * b)
     fn = press + b * tipping
     return BoxStart("slides and tips", pull - mu * fn, tipping, fn, mu * fn, b)
@@ -86,6 +98,16 @@ def tipping_box(
     slope(angle)
     b, h = half_length, half_height
     about_edge = inertia + b * b + h * h
+    if not h * math.sin(angle) > b * math.cos(angle):
+        raise ValueError(
+            f"half_length = {half_length!r} is not allowed with half_height = {half_height!r} and angle = {angle!r}: the box does not tip "
+            "unless half_length < half_height tan(angle)"
+        )
+    if not math.sqrt(g * math.hypot(b, h) / about_edge) * float(times.max(initial=0.0)) <= MOST_GROWTH:
+        raise ValueError(
+            f"t = {t!r:.200} is not allowed with g = {g!r}, half_length = {half_length!r}, half_height = {half_height!r} and inertia = "
+            f"{inertia!r}: the box has fallen long before"
+        )
 
     def tipping(turned: FloatArray | float) -> FloatArray | float:
         return g * (h * np.sin(angle + turned) - b * np.cos(angle + turned)) / about_edge
