@@ -495,7 +495,7 @@ def _with_bodies(scene: Scene | SphereScene, **columns: Any) -> Scene | SphereSc
 def _with_watched_contacts(scene: Scene | SphereScene, numerics: Numerics) -> Job:
     """The job with a contact of each wall and three between bodies watched, whether or not they touch."""
     n = len(scene.bodies)
-    return Job(scene, numerics, (*((k, n + k) for k in range(len(scene.walls))), (0, 1), (1, 2), (2, 3)))
+    return Job(scene, numerics, (*((k % n, n + k) for k in range(len(scene.walls))), (0, 1), (1, 2), (2, 3)))
 
 
 def _failing_jobs(job: Job) -> Iterator[Job]:

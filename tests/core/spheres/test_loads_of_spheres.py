@@ -180,7 +180,7 @@ def test_the_lagged_form_limits_the_step() -> None:
     scene = free_cloud(smooth)
     spheres = scene.spheres
     alone = replace(spheres, **{name: getattr(spheres, name)[:1] for name in ("x", "v", "omega", "radius", "mass", "inertia")},
-                    held=False, rotating=True, material="steel")  # fmt: skip
+                    held=False, rotating=True, material="steel", half_sizes=None, quaternion=None)  # fmt: skip
     free = SphereSession(replace(scene, spheres=alone, xi=xi), one)
     assert free.critical_dt == pytest.approx(2.0 / xi)
     s = 1.0 / SphereSession(scene, one).critical_dt

@@ -120,7 +120,7 @@ def test_the_command_reports_names_and_stores_what_differs(tmp_path: Path) -> No
     ("arguments", "says"),
     [
         (["--engine", "demm"], "dem"),
-        (["--engine", "cd", "--spheres"], "spheres"),
+        (["--engine", "pymunk", "--spheres"], "spheres"),
         (["--store", "/dev/null/x"], "cannot"),
         (["--json", "/no/such/folder/x"], "folder"),
     ],
