@@ -40,7 +40,6 @@ OPTIONS = {
     ),
     "contact_erp": Option(
         default=0.0,
-        stock=0.2,
         high=1.0,
         why="fraction of an overlap that a step takes out as velocity; what it adds to the disks' momentum is no part of "
         "any impact law (Bullet's own value makes e = 1 an e of 1.06 where the impact falls within a step)",

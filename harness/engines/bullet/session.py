@@ -44,6 +44,9 @@ from ninedisk.harness.engines.world import WorldSession, from_z, quaternion_of, 
 
 ENGINE_VERSION = version("pybullet")
 
+OWN = "Bullet's own"
+"""A setting that a stock run leaves alone."""
+
 _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
 
@@ -81,13 +84,22 @@ class BulletSession(WorldSession):
         }
         self.undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "maxJointVelocity": _UNLIMITED}
         if stock:  # what a script leaves alone
-            parameters, self.undamped = {"deterministicOverlappingPairs": 1}, {}
+            parameters = {"numSolverIterations": options["bullet.iterations"], "deterministicOverlappingPairs": 1}
+            self.undamped = {}
+            options = {name: options[name] for name in ("bullet.profile", "bullet.iterations")}
         self.settings: dict[str, Any] = {
             **options,
             **{f"bullet.{name}": value for name, value in parameters.items()},
             "bullet.lengths_per_metre": self.unit,
-            "bullet.linearDamping": 0.04 if stock else 0.0,
-            "bullet.angularDamping": 0.04 if stock else 0.0,
+            "bullet.linearDamping": OWN if stock else 0.0,
+            "bullet.angularDamping": OWN if stock else 0.0,
+            **(
+                dict.fromkeys(
+                    ("bullet.contactERP", "bullet.contactBreakingThreshold", "bullet.enableConeFriction"), OWN
+                )
+                if stock
+                else {}
+            ),
             "bullet.useMaximalCoordinates": False,
             "bullet.friction_of_a_pair": "product",
             "bullet.restitution_of_a_pair": "product",

@@ -90,7 +90,6 @@ DISCRETE_OPTIONS: Mapping[str, Mapping[str, Option]] = {
         ),
         "dissipation": Option(
             default=1e4,
-            stock=50.0,
             high=1e12,
             why="Hunt and Crossley's, in s/m: a plastic impact parts with 1/d, a ten-thousandth",
         ),

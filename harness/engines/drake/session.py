@@ -132,6 +132,7 @@ class SapSession:
             else "point, stiffness in series",
             f"{engine}.touch": touch,
             f"{engine}.friction_of_a_pair": "harmonic mean",
+            **({f"{engine}.{name}": "Drake's own" for name in ("dissipation", "relaxation_time")} if stock else {}),
         }
 
     def warm_up(self) -> None:

@@ -342,7 +342,7 @@ def test_digits_are_read_off(tokens: list[str], rule: Rounding) -> None:
 
 
 TABLE = "t,id,x,y,vx,vy\n0,1,0,1,0,0\n0.1,1,0,1,0,0\n"
-TOLD = "time = {dt = 1e-3}\ndisks = {radius = 0.1, mass = 1.0}\n"
+STATED = "time = {dt = 1e-3}\ndisks = {radius = 0.1, mass = 1.0}\n"
 DUMP = (
     "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n2\nITEM: BOX BOUNDS ff ff pp\n0 1\n0 1\n0 1\nITEM: ATOMS id x y\n1 0 0\n"
 )
@@ -351,32 +351,32 @@ DUMP = (
 @pytest.mark.parametrize(
     ("text", "reported", "said"),
     [
-        (TABLE.replace("0.1,1,0", "0.1,1,zero"), TOLD, ["a.csv, line 3, column 3 (x)", "'zero' is no number"]),
-        (TABLE + "0.2,1,0\n", TOLD, ["a.csv, line 4: 3 columns, expected 6"]),
-        (TABLE.replace("t,id", "when,id"), TOLD, ["line 1", "neither a column t nor step", "[columns]"]),
-        (TABLE.replace(",x,", ",pos,"), TOLD, ["no column x", "[columns] x"]),
-        (TABLE[:25], TOLD, ["too few frames", "two or more"]),
-        ("1,2,3\n4,5,6\n", TOLD, ["line 1", "column names"]),
-        (TABLE, TOLD.replace("1e-3", "0"), ["a.toml, line 1, column 9", "time.dt = 0", "> 0"]),
-        (TABLE, TOLD + "grvity = [0, 1]\n", ["a.toml, line 3, column 1", "'gravity'"]),
-        (TABLE, TOLD.replace("mass = 1.0", "density = 1, mass = 1"), ["give one of mass and density"]),
-        (TABLE, TOLD.replace(", mass = 1.0", ""), ["no column mass", "[disks] mass"]),
-        (TABLE, TOLD.replace("0.1,", "[0.1, 0.2],"), ["disks.radius has 2 numbers", "1 disks"]),
-        (TABLE, TOLD + "walls = [{name = 'w', point = [0, 0]}]\n", ["wall 'w' lacks normal"]),
-        (TABLE, TOLD + "walls = [{point = [0, 0], normal = [0, 1], motion = {speed = 1}}]\n", ["motion", "velocity"]),
+        (TABLE.replace("0.1,1,0", "0.1,1,zero"), STATED, ["a.csv, line 3, column 3 (x)", "'zero' is no number"]),
+        (TABLE + "0.2,1,0\n", STATED, ["a.csv, line 4: 3 columns, expected 6"]),
+        (TABLE.replace("t,id", "when,id"), STATED, ["line 1", "neither a column t nor step", "[columns]"]),
+        (TABLE.replace(",x,", ",pos,"), STATED, ["no column x", "[columns] x"]),
+        (TABLE[:25], STATED, ["too few frames", "two or more"]),
+        ("1,2,3\n4,5,6\n", STATED, ["line 1", "column names"]),
+        (TABLE, STATED.replace("1e-3", "0"), ["a.toml, line 1, column 9", "time.dt = 0", "> 0"]),
+        (TABLE, STATED + "grvity = [0, 1]\n", ["a.toml, line 3, column 1", "'gravity'"]),
+        (TABLE, STATED.replace("mass = 1.0", "density = 1, mass = 1"), ["give one of mass and density"]),
+        (TABLE, STATED.replace(", mass = 1.0", ""), ["no column mass", "[disks] mass"]),
+        (TABLE, STATED.replace("0.1,", "[0.1, 0.2],"), ["disks.radius has 2 numbers", "1 disks"]),
+        (TABLE, STATED + "walls = [{name = 'w', point = [0, 0]}]\n", ["wall 'w' lacks normal"]),
+        (TABLE, STATED + "walls = [{point = [0, 0], normal = [0, 1], motion = {speed = 1}}]\n", ["motion", "velocity"]),
         (TABLE, "x = \n", ["a.toml", "line 1"]),
-        (DUMP, TOLD, ["ends after 1 of 2 lines", "cut the file before line 9"]),
-        (DUMP.replace("x y", "a b"), TOLD, ["no column x and no y", "[columns] x"]),
-        (DUMP + "2 0 0\nrubbish\n", TOLD, ["line 12", "'ITEM: ...' should stand"]),
-        ("\x00\xff", TOLD, ["a.csv"]),
-        (TABLE, TOLD.replace("mass = 1.0", "mass = 1.0, inertia = [2]"), ["disks.inertia", "> 0 and <= 1"]),
+        (DUMP, STATED, ["ends after 1 of 2 lines", "cut the file before line 9"]),
+        (DUMP.replace("x y", "a b"), STATED, ["no column x and no y", "[columns] x"]),
+        (DUMP + "2 0 0\nrubbish\n", STATED, ["line 12", "'ITEM: ...' should stand"]),
+        ("\x00\xff", STATED, ["a.csv"]),
+        (TABLE, STATED.replace("mass = 1.0", "mass = 1.0, inertia = [2]"), ["disks.inertia", "> 0 and <= 1"]),
         (
             "t,id,x,y,z\n0,1,0,1,0\n0.1,1,0,1,0.5\n",
-            "gravity = [0, -9.81]\n" + TOLD,
+            "gravity = [0, -9.81]\n" + STATED,
             ["a.csv", "z goes from 0 to 0.5", "dimension = 3"],
         ),
-        (TABLE, "gravity = [0, 0, -9.81]\n" + TOLD, ["a.csv has no column z", "dimension = 2"]),
-        (TABLE.replace(",vx,vy", ",u,w"), TOLD, ["three or more where it has no vx, vy"]),
+        (TABLE, "gravity = [0, 0, -9.81]\n" + STATED, ["a.csv has no column z", "dimension = 2"]),
+        (TABLE.replace(",vx,vy", ",u,w"), STATED, ["three or more where it has no vx, vy"]),
     ],
 )
 def test_bad_files_name_the_place_and_the_remedy(tmp_path: Path, text: str, reported: str, said: list[str]) -> None:
