@@ -122,7 +122,7 @@ def read_options(engine: str, known: Mapping[str, Option], numerics: Numerics) -
     Raises
     ------
     InvalidNumericsError
-        Unknown name, or a value that is not allowed.
+        Unknown name, a value that is not allowed, or another option beside the profile ``stock``.
     """
     stock = numerics.options.get(f"{engine}.profile") == "stock"
     options = {
@@ -135,5 +135,9 @@ def read_options(engine: str, known: Mapping[str, Option], numerics: Numerics) -
         if name not in options:
             there = f"use one of {', '.join(options)}" if options else f"{engine} has no options, drop it"
             raise InvalidNumericsError(f"the option {name!r} is unknown: {there}")
+        if stock and name != f"{engine}.profile":
+            raise InvalidNumericsError(
+                f"the option {name!r} is not allowed with {engine}.profile = stock, which leaves all settings at the engine's own: drop one"
+            )
         options[name] = known[name.removeprefix(f"{engine}.")].checked(name, value)
     return options

@@ -84,6 +84,8 @@ class StockEngine:
         """Run the scene; raises what the adapter raises."""
         parts = self._parts(numerics)
         until = numerics.sample_until
+        # Options of the tuned engine, in a run of both, are not this one's.
+        others = {name: value for name, value in numerics.options.items() if not name.startswith(f"{self.of}.")}
         finer = numerics.replace(
             dt=numerics.dt / parts,
             n_steps=numerics.n_steps * parts,
@@ -91,7 +93,7 @@ class StockEngine:
             sample_from=numerics.sample_from * parts,
             sample_until=None if until is None else until * parts,
             contact_dt=None,
-            options={**numerics.options, f"{self.of}.profile": "stock"},
+            options={**others, f"{self.of}.profile": "stock"},
         )
         run = self.tuned.run(scene, finer, watch)
         history = replace(run.history, step=np.asarray(run.history.step) // parts)

@@ -18,6 +18,7 @@ from ninedisk.harness.cases.box.scene import (
     SOLVED,
     G,
     askew_of,
+    box_checks,
     box_on_plane,
     frame_at,
     pressure_centre,
@@ -35,7 +36,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.box import BoxStart, box_start, tipping_box
 
@@ -168,8 +169,7 @@ class BoxIncline:
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
 
-        others = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
-        return checks_with_allowance(askew_of(engine) or others, setup, engine, found)
+        return box_checks(setup, engine, found)
 
 
 def start_of(params: Mapping[str, Any]) -> BoxStart:

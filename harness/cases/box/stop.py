@@ -16,6 +16,7 @@ from ninedisk.harness.cases.box.scene import (
     PAIR,
     G,
     askew_of,
+    box_checks,
     box_on_plane,
     frame_at,
     seen,
@@ -31,7 +32,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
     whole_steps,
 )
-from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.differences import follows_associated_rule
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.box import stopping_box
 
@@ -142,8 +143,7 @@ class BoxStop:
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
 
-        others = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
-        return checks_with_allowance(askew_of(engine) or others, setup, engine, found)
+        return box_checks(setup, engine, found)
 
 
 def _frame(params: Mapping[str, Any]) -> Any:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ninedisk.core import ContactLaw, Disks, History, Numerics, Scene, Spheres, SphereScene
+from ninedisk.core import ContactLaw, Disks, History, InvalidNumericsError, Numerics, Scene, Spheres, SphereScene
+from ninedisk.core.options import read_options
 from ninedisk.core.scene import PlaneWall, Wall
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import EngineRun, SupportLevel, Timings
@@ -64,10 +65,11 @@ def test_the_step_is_the_engines_own_and_samples_stay_where_they_are(monkeypatch
             return EngineRun(history=history, timings=Timings(setup=0.0, warm_up=0.0, advance=0.0), settings={})
 
     monkeypatch.setitem(vars(engine), "tuned", Recording())
-    numerics = Numerics(dt=0.01, n_steps=30, sample_every=4, sample_from=3, sample_until=21)
+    tuned = {"mujoco.substeps": 7, "cd.threads": 2}
+    numerics = Numerics(dt=0.01, n_steps=30, sample_every=4, sample_from=3, sample_until=21, options=tuned)
     run = engine.run(bouncing_disk(), numerics, ())
     assert (asked[0].dt, asked[0].n_steps) == (0.002, 150)
-    assert asked[0].options == {"mujoco.profile": "stock"}
+    assert asked[0].options == {"mujoco.profile": "stock", "cd.threads": 2}
     assert run.history.step.tolist() == numerics.sampled_steps().tolist()
     assert run.settings["own step [s]"] == 0.002
     # 3 steps of the engine in one of 5 ms: none longer than its own.
@@ -100,6 +102,12 @@ def test_a_scene_in_units_far_from_seconds_is_refused_at_once() -> None:
     support = stock.supports(ball_on_slope(), Numerics(dt=1e4, n_steps=10))
     assert support.level is SupportLevel.NO
     assert f"at most {MOST_STEPS:g} are run" in support.notes[0]
+
+
+def test_no_setting_is_ignored_in_silence() -> None:
+    options = {"pymunk.profile": "stock", "pymunk.iterations": 20}
+    with pytest.raises(InvalidNumericsError, match=r"pymunk\.iterations.*profile = stock.*drop one"):
+        read_options("pymunk", get_engine("pymunk").info().options, Numerics(dt=0.1, n_steps=1, options=options))
 
 
 def test_pymunk_does_what_its_own_script_does() -> None:
