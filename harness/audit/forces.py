@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.columns import Frame, Trajectory
 from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.read import read_trajectory
-from ninedisk.harness.audit.rounding import Rounding
+from ninedisk.harness.audit.readers.columns import Frame, Trajectory
+from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.scene import AuditScene
 from ninedisk.harness.audit.tally import State, Tally
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.harness.audit.columns import Frame, Trajectory
 from ninedisk.harness.audit.geometry import close_pairs, norm
 from ninedisk.harness.audit.read import dimension_of, read_trajectory
-from ninedisk.harness.audit.rounding import Rounding
+from ninedisk.harness.audit.readers.columns import Frame, Trajectory
+from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.states import SPACE
 
 FRAMES = 6

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.columns import FORMS, Frame, Progress, Trajectory, open_file
-from ninedisk.harness.audit.lammps import read_dump
-from ninedisk.harness.audit.tables import read_arrays, read_parquet, read_text
-from ninedisk.harness.audit.vtk import read_series
+from ninedisk.harness.audit.readers.columns import FORMS, Frame, Progress, Trajectory, open_file
+from ninedisk.harness.audit.readers.lammps import read_dump
+from ninedisk.harness.audit.readers.tables import read_arrays, read_parquet, read_text
+from ninedisk.harness.audit.readers.vtk import read_series
 
 FLAT = 1e-6
 """Spread of z over that of x and y which is round-off of a motion in the plane; single precision has 6e-8 a step."""

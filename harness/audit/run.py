@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import Auditor
-from ninedisk.harness.audit.columns import Trajectory
 from ninedisk.harness.audit.forces import judge_contacts
 from ninedisk.harness.audit.hints import radius_hints, spin_hint
 from ninedisk.harness.audit.read import dimension_of, in_plane, read_trajectory
+from ninedisk.harness.audit.readers.columns import Trajectory
 from ninedisk.harness.audit.scene import AuditScene
 from ninedisk.harness.audit.states import States
 from ninedisk.harness.audit.tally import TITLES, Bodies, State, Tally

@@ -18,7 +18,7 @@ from typer.testing import CliRunner, Result
 
 from ninedisk.core.dem.files import FrameWriter
 from ninedisk.harness.audit.example import write_example
-from ninedisk.harness.audit.rounding import Rounding, Tokens
+from ninedisk.harness.audit.readers.rounding import Rounding, Tokens
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.statuses import VERDICTS
 

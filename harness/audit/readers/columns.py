@@ -16,7 +16,7 @@ import numpy as np
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.api.text import one_line
-from ninedisk.harness.audit.rounding import Rounding, Tokens, roundings_of
+from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_of
 
 Progress = Callable[[int, int, str], None]
 ALIASES = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.columns import (
+from ninedisk.harness.audit.readers.columns import (
     Frame,
     Progress,
     Trajectory,
@@ -23,7 +23,7 @@ from ninedisk.harness.audit.columns import (
     require,
     sample_roundings,
 )
-from ninedisk.harness.audit.rounding import Rounding
+from ninedisk.harness.audit.readers.rounding import Rounding
 
 MIXED_UNITS = {
     "real": "kcal/mol, Angstrom and fs", "metal": "eV, Angstrom and ps", "electron": "Hartree, Bohr and fs"

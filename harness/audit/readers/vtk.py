@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.columns import (
+from ninedisk.harness.audit.readers.columns import (
     FORMS,
     Frame,
     Progress,
@@ -25,8 +25,8 @@ from ninedisk.harness.audit.columns import (
     halved_rounding,
     require,
 )
-from ninedisk.harness.audit.rounding import Rounding, Tokens, roundings_of
-from ninedisk.harness.audit.tables import archive, vector_columns, vector_roundings
+from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_of
+from ninedisk.harness.audit.readers.tables import archive, vector_columns, vector_roundings
 
 
 def read_series(path: Path, columns: Mapping[str, str]) -> Trajectory:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.columns import (
+from ninedisk.harness.audit.readers.columns import (
     FORMS,
     Frame,
     Progress,
@@ -27,7 +27,7 @@ from ninedisk.harness.audit.columns import (
     require,
     sample_roundings,
 )
-from ninedisk.harness.audit.rounding import Rounding, of_arrays
+from ninedisk.harness.audit.readers.rounding import Rounding, of_arrays
 
 ROWS = 200_000
 """Rows of a table that are read at once."""
