@@ -19,6 +19,7 @@ from ninedisk.harness.cli import (
     docs,
     engines,
     findings,
+    law_test,
     protocol,
     report,
     run,
@@ -43,6 +44,7 @@ MORE = {
     "pages": ("dashboard", "site", "docs"),
     "engines": ("request", "schema", "determinism", "versions"),
     "contact problems": ("solve", "cd-problems"),
+    "contact laws": ("law-test",),
     "this suite": ("selftest",),
 }
 """The other commands, by what they are about; the help names them."""
@@ -100,6 +102,7 @@ for command in (
     report,
     findings,
     audit,
+    law_test,
     bench,
     solve,
     cd_problems,

@@ -47,6 +47,8 @@ RIGHT_VALUES: dict[str, Any] = {
     "v_1": 1.0, "v_2": 0.5, "v_wall": 0.1, "cohesion": 5e3, "surface_energy": 1.0, "kr": 1e2, "mu_r": 0.5,
     "arm": 1.3, "held_radius": 0.5, "reached": [0.5, 1.0],
     "force": 3.0, "inertia_1": 0.3, "inertia_2": 0.4, "radius_1": 0.5, "radius_2": 0.2,
+    "motion": "shear-plastic", "dashpot": 1e3, "slip_arm": "overlap", "spring_turned": True, "spring_twisted": True,
+    "spring_cut": True, "tension": False,
     "velocity": (1.0, -1.0), "vy": -1.0, "path": 0.5, "weight": 1.0, "weights": [1.0, 3.0], "xi": 0.1, "y": 1.0,
 }  # fmt: skip
 """By the names of arguments, which mean the same thing everywhere."""
