@@ -23,7 +23,7 @@ NEEDED = (
 )
 
 
-def _parts(
+def force_parts(
     scene: AuditScene, file: Trajectory, frame: Frame
 ) -> tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
     """Normal force (compression positive), size of the shear force, and the errors of both by the digits."""
@@ -83,7 +83,7 @@ def judge_contacts(scene: AuditScene, progress: Callable[[int, int, str], None])
     n_walls = len(scene.walls)
     for frame in file.frames(progress):
         columns = frame.columns
-        fn, fs, rules = _parts(scene, file, frame)
+        fn, fs, rules = force_parts(scene, file, frame)
         j = columns.get("j", np.zeros(len(fn)))
         mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)
         for w in range(n_walls):

@@ -53,7 +53,7 @@ TRIED: dict[str, tuple[dict[str, Any], ...]] = {
     "viscous": ({"tension": False}, {"tension": True}),
     "unloading": ({"spring_cut": True}, {"spring_cut": False}),
 }
-"""Conventions that each motion tells apart. With the arm R a pair that turns as one body slips."""
+"""Conventions that each motion shows. With the arm R a pair that turns as one body slips."""
 WORDS = {
     ("torque_arm", "overlap"): "torques have the arm R less half the overlap",
     ("torque_arm", "radius"): "torques have the arm R, which does not conserve angular momentum",
@@ -329,7 +329,7 @@ def _judge_motion(
     wanted = [
         k for k, each in enumerate(chosen) if all(value in _accepted(key, law) for key, value in each.items())
     ] or list(range(len(chosen)))
-    told = min(wanted, key=lambda k: ratios[k])
+    shown_as = min(wanted, key=lambda k: ratios[k])
     hint = ""
     if not fits:
         nearest = _expected(motion, law, t, chosen[best])
@@ -342,7 +342,7 @@ def _judge_motion(
         odd = [WORDS[key, value] for key, value in chosen[best].items() if value not in _accepted(key, law)]
         hint = f"; what fits is: {' and '.join(odd)}"
     checks = []
-    for name, (value, allowed, at) in tried[told].items():
+    for name, (value, allowed, at) in tried[shown_as].items():
         verdict = HOLDS if value <= allowed else VIOLATED
         said = f"{name} force off by at most {value:.3g} N at t = {at:.4g} s, allowed {allowed:.3g} N"
         checks.append(

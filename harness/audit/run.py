@@ -15,6 +15,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import Auditor
 from ninedisk.harness.audit.forces import judge_contacts
 from ninedisk.harness.audit.hints import radius_hints, spin_hint
+from ninedisk.harness.audit.history import judge_history
 from ninedisk.harness.audit.read import dimension_of, in_plane, read_trajectory
 from ninedisk.harness.audit.readers.columns import Trajectory
 from ninedisk.harness.audit.scene import AuditScene
@@ -81,6 +82,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     if not scene.walls_known:
         tallies |= {name: _without_walls(tallies[name]) for name in BY_WALLS}
     tallies["cone"] = judge_contacts(scene, progress)
+    tallies["history"] = judge_history(trajectory, scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
     found: dict[str, Any] = _json_value(_record(path, trajectory, scene, auditor, tallies, remarks))
     return found

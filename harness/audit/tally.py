@@ -25,6 +25,7 @@ TITLES = {
     "kept": ("Energy is conserved without friction and damping", "J"),
     "overlap": ("No overlap beyond springs or slop", "m"),
     "cone": ("Contact forces lie in the friction cone", "N"),
+    "history": ("Shear forces of closed contacts keep their history", "N"),
     "reversal": ("The reversed run retraces the path", "m"),
 }
 """Checks: title, unit of value and allowance."""
