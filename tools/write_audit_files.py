@@ -95,6 +95,7 @@ def toml(dimension: int, walls: str, *, mu: float = 0.3, dt: float = 2e-5) -> st
 SPACE, PLANE = "floor x0 x1 y0 y1", "floor x0 x1"
 PRINTED = "\ndump_modify 1 format float %.12g"
 DUMP = f"dump 1 all custom 40 {{file}} {COLUMNS}"
+TORQUES = DUMP.replace("custom 40", "custom 10") + " tqx tqy tqz"
 TRICLINIC = {"boundary": "p p f", "box": "prism 0 1 0 1 -0.1 3 0.2 0 0", "walls": WALLS[3][0]}
 LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d": (3, DUMP + PRINTED, {}, toml(3, SPACE), []),
@@ -122,6 +123,8 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     ),
     "lammps-3d-wrong-step": (3, DUMP + PRINTED, {}, toml(3, SPACE, dt=4e-5), ["motion"]),
     "lammps-3d-radius-of-diameter": (3, DUMP + PRINTED, {}, toml(3, SPACE), ["overlap"]),
+    "lammps-3d-torques": (3, TORQUES + PRINTED, {}, toml(3, SPACE), []),
+    "lammps-3d-torques-frozen-spins": (3, TORQUES + PRINTED, {"more": "fix stop all freeze-spin"}, toml(3, SPACE), ["torque"]),
     "lammps-2d-disc-update": (2, DUMP + PRINTED, {"update": " disc"}, toml(2, PLANE), ["spin"]),
 }  # fmt: skip
 """Folder -> dimension, dump, changes of the input, TOML, checks that must be violated."""

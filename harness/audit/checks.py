@@ -13,6 +13,7 @@ from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.momentum import MomentumChecks
 from ninedisk.harness.audit.spin import SpinChecks
 from ninedisk.harness.audit.tally import State
+from ninedisk.harness.audit.torques import judge_torques
 from ninedisk.harness.audit.touching import EPS, Interval
 
 ROUNDS = 5
@@ -120,6 +121,7 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
                 "the file has no spins: add "
                 + ("a column omega" if scene.dimension == 2 else "omegax, omegay, omegaz"),
             )
+        judge_torques(self.tallies["torque"], scene, bodies, whole, eh)
         gain = self._energy(whole)
         self._check_state(c, gain)
         vrel = float(2.0 * np.nanmax(speed, initial=0.0))

@@ -69,7 +69,7 @@ def judge_history(trajectory: Trajectory, scene: AuditScene, progress: Callable[
     states = States(trajectory, scene)
     before: tuple[State, _Listed] | None = None
     matched = 0
-    for state, frame in _together(states, file, scene, progress):
+    for state, frame in _side_by_side(states, file, scene, progress):
         if frame is None or states.bodies is None or "i" not in frame.columns or "j" not in frame.columns:
             before = None
             continue
@@ -94,7 +94,7 @@ def _undecidable(scene: AuditScene) -> str:
     return "cohesion carries shear beyond mu fn" if scene.cohesive else ""
 
 
-def _together(
+def _side_by_side(
     states: States, file: Trajectory, scene: AuditScene, progress: Callable[[int, int, str], None]
 ) -> Iterator[tuple[State, Frame | None]]:
     """States with the contacts of the same time."""

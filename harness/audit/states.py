@@ -106,6 +106,7 @@ class States:
         v, ev = vector([f"v{axis}" for axis in space])
         omega, eo = vector([each.format("omega") for each in turns])
         angle, ea = vector([each.format("angle") for each in turns])
+        torque, eq = vector(("torque",) if self.scene.dimension == 2 else ("tqx", "tqy", "torque"))
         t, et = self._time(number, frame)
         velocity = np.zeros_like(x) if v is None else v
         cell = self._cell(frame)
@@ -113,7 +114,7 @@ class States:
             x = self._going_on(x, velocity, t, cell)
         state = State(
             step=frame.step, t=t, et=et, place=frame.place, x=x, v=velocity, omega=omega, angle=angle, ex=ex, ev=ev, eo=eo, ea=ea,
-            here=present.copy(), cell=cell,
+            here=present.copy(), cell=cell, torque=torque, eq=eq,
         )  # fmt: skip
         self._last = state
         self._numbers(state, columns, present)

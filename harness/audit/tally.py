@@ -21,6 +21,7 @@ TITLES = {
     "free": ("Velocities change only at contacts", "m/s"),
     "momentum": ("Momentum changes only by gravity and walls", "N s"),
     "spin": ("Angular momentum is conserved", "N m s"),
+    "torque": ("Spins change as the listed torques say", "N m s"),
     "energy": ("Energy grows only by the work of walls", "J"),
     "kept": ("Energy is conserved without friction and damping", "J"),
     "overlap": ("No overlap beyond springs or slop", "m"),
@@ -37,6 +38,7 @@ class State:
     """One frame, bodies in the order of the first frame's ids; errors are half units of the last printed place, NaN where a body lacks.
 
     With n bodies, d components of vectors and k of turning (1 in the plane, 3 in space): x, v (n, d), omega, angle (n, k).
+    ``torque`` (n, k) with the error eq is that of each body [N m], None where the file has none.
     ``cell`` has the edges along which everything repeats, shape (p, d); ``x`` then goes on where a body is put back into the box.
     """
 
@@ -54,6 +56,8 @@ class State:
     ea: FloatArray
     here: NDArray[np.bool_]
     cell: FloatArray | None = None
+    torque: FloatArray | None = None
+    eq: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)

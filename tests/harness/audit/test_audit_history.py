@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ninedisk.core import ContactLaw, History, Numerics, PlaneWall, Spheres, SphereScene, simulate
@@ -102,3 +103,32 @@ def test_contacts_of_other_times_are_named(tmp_path: Path) -> None:
     shifted = [f"{float(t) + 1e-4:.12g},{rest}" for t, _, rest in (line.partition(",") for line in lines[1:-1])]
     (tmp_path / "contacts.csv").write_text("\n".join([lines[0], *shifted]) + "\n")
     assert "other times" in check(file)["said"]
+
+
+@pytest.mark.parametrize(
+    ("size", "change", "verdict"),
+    [(1.0, {}, "holds"), (0.0, {}, "violated"), (1.0, {"0.1, m": '0.1, inertia = "disk", m'}, "violated")],
+)
+def test_torques_of_a_file_change_spins(size: float, change: dict[str, str], verdict: str, tmp_path: Path) -> None:
+    """Torques of contacts by their arms; then none at all, and the inertia of disks."""
+    history = run(scene())
+    file = write(tmp_path, [history])
+    lines = file.read_text().split("\n")
+    for k in range(len(history.t)):
+        torque = np.zeros((2, 3))
+        for column, (i, j) in enumerate(PAIRS):
+            apart = history.x[k, j] - history.x[k, i] if j < 2 else np.array([0.0, 0.0, -history.x[k, i, 2]])
+            n = apart / np.linalg.norm(apart)
+            each = np.cross(0.5 * (apart if j < 2 else apart + 0.1 * n), history.fs[k, column])
+            torque[i] += each
+            if j < 2:
+                torque[j] += each
+        for i in range(2):
+            lines[1 + 2 * k + i] += "," + ",".join(f"{size * value:.12g}" for value in torque[i])
+    lines[0] += ",tqx,tqy,tqz"
+    file.write_text("\n".join(lines))
+    text = TOML
+    for old, new in change.items():
+        text = text.replace(old, new)
+    (tmp_path / "run.toml").write_text(text)
+    assert check(file, "torque")["verdict"] == verdict, check(file, "torque")["said"]
