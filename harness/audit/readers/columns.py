@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -105,9 +105,41 @@ def open_file(path: Path) -> IO[str]:
     try:
         if path.suffix == ".gz":
             return gzip.open(path, "rt", encoding="utf-8", errors="replace")
+        if path.suffix == ".zst":
+            return _open_zst(path)
         return open(path, encoding="utf-8", errors="replace")
     except OSError as error:
         raise UsageError(f"{str(path)!r} cannot be read ({error.strerror or error})") from error
+
+
+def _open_zst(path: Path) -> IO[str]:
+    """A text packed by zstd; what breaks off or is none raises OSError while it is read."""
+    try:
+        import zstandard
+    except ImportError as error:
+        raise UsageError(
+            f"{str(path)!r} is packed by zstd, and the package zstandard is missing: install ninedisk[zst], or unpack it (zstd -d)"
+        ) from error
+
+    class Reader(io.RawIOBase):
+        def __init__(self) -> None:
+            self.packed = open(path, "rb")  # noqa: SIM115
+            self.stream = zstandard.ZstdDecompressor().stream_reader(self.packed, read_across_frames=True)
+
+        def readable(self) -> bool:
+            return True
+
+        def readinto(self, buffer: Any) -> int:
+            try:
+                return int(self.stream.readinto(buffer))
+            except zstandard.ZstdError as error:
+                raise OSError(str(error)) from error
+
+        def close(self) -> None:
+            self.packed.close()
+            super().close()
+
+    return io.TextIOWrapper(io.BufferedReader(Reader(), 1 << 20), encoding="utf-8", errors="replace")
 
 
 def column_names(names: Sequence[str], columns: Mapping[str, str], path: Path) -> dict[str, str]:
@@ -231,7 +263,7 @@ def sample_roundings(
 ) -> dict[str, Rounding]:
     """Roundings by tokens of five places of a text."""
     tokens = {name: Tokens() for name in wanted.values()}
-    if path.suffix == ".gz":
+    if path.suffix in (".gz", ".zst"):
         with open_file(path) as stream:
             texts = [stream.read(5 * SAMPLED)]
     else:
