@@ -126,29 +126,54 @@ class _Law:
 
 
 def write_law_test(folder: Path) -> list[Path]:
-    """Write the paths, ``law.toml`` and ``README.md``; the files.
+    """Write the paths, ``README.md`` and, unless there is one, ``law.toml``; the files written.
+
+    A ``law.toml`` that is there stays as it is. The paths follow its radius and overlap.
 
     Raises
     ------
+    UsageError
+        If the ``law.toml`` that is there is wrong.
     StoreError
-        If they cannot be written.
+        If the files cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    files = {"README.md": README, "law.toml": TOML}
+    given = folder / "law.toml"
+    law = _read_law(given) if given.exists() else _Law(LAW, {})
+    files = {"README.md": README} | ({} if given.exists() else {"law.toml": TOML})
+    files |= {f"{motion}.csv": _path_text(motion, law) for motion in MOTIONS}
+    for name, text in files.items():
+        write_whole("DIR", folder / name, text)
+    return [folder / name for name in files]
+
+
+def _path_text(motion: str, law: _Law) -> str:
+    """The table of a path."""
     t = np.linspace(0.0, END, STEPS + 1)
     still = np.zeros((len(t), 3))
     bodies = [f"{name}{axis}{k}" if name else f"{axis}{k}" for name in ("", "v", "w") for k in (1, 2) for axis in "xyz"]
     names = ["t", *bodies, *(f"q{k}{part}" for k in (1, 2) for part in "wxyz")]
-    for motion in MOTIONS:
-        path = pair_path(motion=motion, radius=LAW["radius"], overlap=LAW["overlap"], t=t)
-        half = 0.5 * norm(path.angle)
-        turn = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * path.angle])
-        rows = np.column_stack([t, still, path.x, still, path.v, path.spin, path.spin, turn, turn])
-        lines = [",".join(f"{value:.16g}" for value in row) for row in rows.tolist()]
-        files[f"{motion}.csv"] = "\n".join([",".join(names), *lines]) + "\n"
-    for name, text in files.items():
-        write_whole("DIR", folder / name, text)
-    return [folder / name for name in files]
+    path = pair_path(motion=motion, radius=law.values["radius"], overlap=law.values["overlap"], t=t)
+    half = 0.5 * norm(path.angle)
+    turn = np.column_stack([np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * path.angle])
+    rows = np.column_stack([t, still, path.x, still, path.v, path.spin, path.spin, turn, turn])
+    lines = [",".join(f"{value:.16g}" for value in row) for row in rows.tolist()]
+    return "\n".join([",".join(names), *lines]) + "\n"
+
+
+def _check_path(path: Path, law: _Law) -> None:
+    """Refuse a path that is not the one of ``law.toml``: its forces would be judged by another motion."""
+    if not path.exists():
+        return
+    table = _read_table(path, ("t", "x2", "y2", "z2"))
+    radius, overlap = law.values["radius"], law.values["overlap"]
+    expected = pair_path(motion=path.stem, radius=radius, overlap=overlap, t=table["t"]).x
+    off = norm(np.column_stack([table[name] for name in ("x2", "y2", "z2")]) - expected)
+    if len(wrong := np.flatnonzero(~(off <= DIGITS * overlap))):
+        raise UsageError(
+            f"{path}, line {wrong[0] + 2}: this is not the path for radius = {radius:g} and overlap = {overlap:g} of law.toml: run "
+            f"`ninedisk law-test write {path.parent}`, and your code along the new paths"
+        )
 
 
 def _read_law(path: Path) -> _Law:
@@ -185,7 +210,8 @@ def _read_law(path: Path) -> _Law:
     return _Law({key: float(value) for key, value in values.items()}, declared)
 
 
-def _read_forces(path: Path) -> dict[str, FloatArray]:
+def _read_table(path: Path, needed: tuple[str, ...], more: tuple[str, ...] = ()) -> dict[str, FloatArray]:
+    """Columns over the whole motion; those in ``more`` may lack."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -193,10 +219,10 @@ def _read_forces(path: Path) -> dict[str, FloatArray]:
             f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): write a table with commas"
         ) from error
     names = [name.strip() for name in lines[0].split(",")] if lines else []
-    if lacking := [name for name in NEEDED if name not in names]:
+    torques = f", and for torques {', '.join(more)}" if more else ""
+    if lacking := [name for name in needed if name not in names]:
         raise UsageError(
-            f"{path}, line 1: there is no column {lacking[0]}: needed are {', '.join(NEEDED)}, and for torques {', '.join(TORQUES)}, with "
-            "commas between them"
+            f"{path}, line 1: there is no column {lacking[0]}: needed are {', '.join(needed)}{torques}, with commas between them"
         )
     if doubled := [name for name in names if names.count(name) > 1]:
         raise UsageError(f"{path}, line 1: the column {doubled[0]} appears twice: write it once")
@@ -208,7 +234,7 @@ def _read_forces(path: Path) -> dict[str, FloatArray]:
             f"{path}: {len(rows)} rows of numbers; at least {LEAST_ROWS} are needed, over the whole motion"
         )
     table = numbers_of(rows, names, ",", path, 2)
-    for name in (*NEEDED, *(each for each in TORQUES if each in table)):
+    for name in (*needed, *(each for each in more if each in table)):
         if len(bad := np.flatnonzero(~(np.abs(table[name]) < 1e75))):
             raise UsageError(
                 f"{path}, line {bad[0] + 2}: {name} = {table[name][bad[0]]:g}: it must be a finite number below 1e75"
@@ -254,7 +280,9 @@ def judge_law_test(folder: Path) -> dict[str, Any]:
         )
     checks: list[dict[str, Any]] = []
     found: dict[str, list[Any]] = {key: [] for key in CONVENTIONS}
-    tables = {motion: _read_forces(folder / f"{motion}.forces.csv") for motion in present}
+    for motion in present:
+        _check_path(folder / f"{motion}.csv", law)
+    tables = {motion: _read_table(folder / f"{motion}.forces.csv", NEEDED, TORQUES) for motion in present}
     for motion in MOTIONS:
         if motion in tables:
             checks += _judge_motion(motion, tables[motion], law, found)

@@ -28,6 +28,7 @@ def write(
     """Write eight motions of two spheres as CSV, the law's parameters as law.toml, and a README.md with the columns to give back.
 
     The motions are shear within and beyond friction, rotation of the pair in and out of plane, twist, spins, a dashpot, unloading.
+    A law.toml that is there is kept, and the paths follow its radius and overlap.
 
     \b
     Examples:

@@ -234,6 +234,20 @@ def test_bad_files_are_named(
     assert name in done.output
 
 
+def test_paths_follow_the_law_that_is_there(paths: Path, elastic: str, tmp_path: Path) -> None:
+    """Paths of another radius are refused, as their forces would be judged by another motion; written anew they are judged."""
+    text = (paths / "law.toml").read_text().replace("radius = 1.0", "radius = 0.9") + "\ntension = true\n"
+    (tmp_path / "law.toml").write_text(text)
+    (tmp_path / "shear-elastic.csv").write_text((paths / "shear-elastic.csv").read_text())
+    (tmp_path / "shear-elastic.forces.csv").write_text(elastic)
+    done = ninedisk("judge", tmp_path)
+    assert done.exit_code == 2, done.output
+    assert "line 2: this is not the path for radius = 0.9" in " ".join(done.output.split())
+    assert ninedisk("write", tmp_path).exit_code == 0
+    assert (tmp_path / "law.toml").read_text() == text
+    assert ninedisk("judge", tmp_path).exit_code == 1  # the forces are still those of the smaller spheres
+
+
 def test_what_is_missing_is_named(paths: Path, tmp_path: Path) -> None:
     assert "there is no folder" in ninedisk("judge", tmp_path / "none").output
     assert "law.toml" in ninedisk("judge", tmp_path).output
