@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
@@ -575,7 +575,10 @@ def run_session(
         done = int(step)
         session.observe(history, row)
     settings = getattr(session, "settings", {})
-    return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=dict(settings))
+    timings = timings_of(setup, warm_up, stepping)
+    if (elsewhere := getattr(session, "cpu_seconds", 0.0)) and timings.cpu is not None:  # of another process
+        timings = replace(timings, cpu=timings.cpu + elsewhere)
+    return EngineRun(history=history, timings=timings, settings=dict(settings))
 
 
 def timings_of(setup: Stopwatch, warm_up: Stopwatch, stepping: Stopwatch) -> Timings:

@@ -117,12 +117,10 @@ BUILTIN_ENGINES: dict[str, str] = {
     "esys-particle": "ninedisk.harness.engines.esys_particle.adapter:ENGINE",
     "kratos": "ninedisk.harness.engines.kratos.adapter:ENGINE",
     "jolt": "ninedisk.harness.engines.jolt.adapter:ENGINE",
-    "rapier3d": "ninedisk.harness.engines.rapier3d.adapter:ENGINE",
-    "rapier2d": "ninedisk.harness.engines.rapier2d.adapter:ENGINE",
 }
 STOCK_ENGINES: dict[str, str] = {
     f"{name}-stock": "ninedisk.harness.engines.stock:ENGINES"
-    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged", "jolt", "rapier3d", "rapier2d")
+    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged", "jolt")
 }
 """Engines at their own settings; they run where they are asked for."""
 CASE_GROUP = "ninedisk.cases"

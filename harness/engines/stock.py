@@ -119,7 +119,5 @@ ENGINES = (
     StockEngine(of="drake-sap", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="drake-lagged", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="jolt", step=1.0 / 60.0, step_from="Jolt's HelloWorld example"),
-    StockEngine(of="rapier3d", step=1.0 / 60.0, step_from="Rapier's World"),
-    StockEngine(of="rapier2d", step=1.0 / 60.0, step_from="Rapier's World"),
 )
 """All of them."""

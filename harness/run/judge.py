@@ -297,9 +297,7 @@ def _beyond(check: Check, deviation: Deviation) -> str:
     return text
 
 
-def measurement_row(
-    common: Mapping[str, Any], check: Check, observed: Observed, contact_forces: str = "all"
-) -> Row:
+def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed, contact_forces: str = "all") -> Row:
     """Compare, judge, and write the row of `schema.MEASUREMENT_COLUMNS`; ``contact_forces`` as in `judge`."""
     found = compare(check, observed)
     status, reason = judge(check, found, contact_forces)

@@ -1,4 +1,4 @@
-"""Adapters of engines in JavaScript and WebAssembly: rigid contacts, each world in a Node.js process of its own."""
+"""Adapters of engines in JavaScript and WebAssembly: rigid contacts, each world in its own Node.js process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.engines.javascript.node import how_to_install, npm_version
+from ninedisk.harness.engines.javascript.node import HOW_TO_INSTALL, npm_version
 from ninedisk.harness.engines.package import RigidPackageEngine, prescribed_spins
 from ninedisk.harness.engines.world import driven_spheres, partly_held
 
@@ -43,6 +43,4 @@ class NodeEngine(RigidPackageEngine):
 def npm_facts(package: str, **facts: Any) -> EngineInfo:
     """`EngineInfo` of an engine that is this npm package, where its keywords do not say otherwise."""
     how = f"separate process (npm package {package} in Node.js)"
-    return EngineInfo(
-        how_it_runs=how, install=how_to_install(), scheme="semi-implicit-euler", contact="impulse", **facts
-    )
+    return EngineInfo(how_it_runs=how, install=HOW_TO_INSTALL, scheme="semi-implicit-euler", contact="impulse", **facts)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+import weakref
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -55,8 +56,6 @@ class NodeSession(WorldSession):
 
     adapter: NodeEngine
     module: str
-    flat = False
-    """Whether the engine has two dimensions."""
     cpu_seconds = 0.0
     """Of the steps, in the engine's process."""
 
@@ -77,6 +76,7 @@ class NodeSession(WorldSession):
             stdout=subprocess.PIPE,
             text=True,
         )
+        weakref.finalize(self, _end, self.process)
         extent = self.unit * (largest_extent(scene) + longest_path(scene, numerics))
         dtype = np.float32 if self.adapter.facts.precision == "float32" else np.float64
         self.touch = 0.0 if self.stock else _TOUCH_ULPS * float(np.spacing(dtype(extent)))
@@ -107,7 +107,6 @@ class NodeSession(WorldSession):
             self.done += 1
         if not (moves or pushed):
             self.done += n_steps
-        self.before = self.found
         self.found = self._ask({"steps": n_steps, "drives": drives or None, "loads": loads or None})
         self.cpu_seconds += self.found["cpu"]
 
@@ -153,12 +152,26 @@ class NodeSession(WorldSession):
     def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
         """Set a wall's pose and its chord velocity over the coming step."""
         turned = signed_angle(self.scene.walls[k].normal, facing)
-        self._drive("wall", k, here + self._raised * facing, _turned(self._turn(k), turned), (there - here) / self.dt, [0.0, 0.0, rate])
+        self._drive(
+            "wall",
+            k,
+            here + self._raised * facing,
+            _turned(self._turn(k), turned),
+            (there - here) / self.dt,
+            [0.0, 0.0, rate],
+        )
 
     def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
         """Set a wall's pose and its velocities over the coming step."""
         turn = _product(_last_real(quaternion_of(rotation)), self._turn(k))
-        self._drive("wall", k, point + self._raised * (rotation @ np.array(self.scene.walls[k].normal)), turn, velocity, rate.tolist())
+        self._drive(
+            "wall",
+            k,
+            point + self._raised * (rotation @ np.array(self.scene.walls[k].normal)),
+            turn,
+            velocity,
+            rate.tolist(),
+        )
 
     def drive_sphere(self, i: int, place: FloatArray) -> None:
         """Set a sphere's pose and velocities."""
@@ -179,11 +192,8 @@ class NodeSession(WorldSession):
         self.coming.append([kind, k, three_components(self.unit * x), q, three_components(self.unit * v), w])
 
     def _turn(self, k: int) -> list[float]:
-        """Rotation (x, y, z, w) of a wall whose normal was z, of an engine in a plane y."""
-        normal = self.scene.walls[k].normal
-        if self.flat:
-            return _turned([0.0, 0.0, 0.0, 1.0], signed_angle((0.0, 1.0), np.array(normal)))
-        return _last_real(from_z(np.array(three_components(normal))))
+        """Rotation (x, y, z, w) of a wall whose normal was z."""
+        return _last_real(from_z(np.array(three_components(self.scene.walls[k].normal))))
 
     def _world(self, scene: Any, numerics: Numerics, options: Mapping[str, Any]) -> dict[str, Any]:
         bodies, unit = scene.bodies, self.unit
@@ -247,6 +257,12 @@ class NodeSession(WorldSession):
         if "error" in answer:
             raise EngineError(f"{self.engine}: {one_line(answer['error'])} (at step {self.done})")
         return answer
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End the engine's process: its input ends."""
+    with process:
+        process.kill()
 
 
 def _last_real(quaternion: list[float]) -> list[float]:

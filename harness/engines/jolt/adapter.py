@@ -43,8 +43,7 @@ class JoltEngine(NodeEngine):
             Difference.ARM_LESS_OVERLAP: "Jolt's contact point is midway in the overlap that the step of an impact makes",
             Difference.BOX_FRICTION_ASKEW: "Jolt bounds friction of each corner by its normal impulse of the sweep before",
         },
-        capabilities=OF_RIGID
-        | {Capability.DISK_INERTIA, Capability.BODY_FORCES, Capability.SPHERES, Capability.BOXES},
+        capabilities=OF_RIGID | {Capability.DISK_INERTIA, Capability.BODY_FORCES, Capability.SPHERES, Capability.BOXES},
     )
 
 
