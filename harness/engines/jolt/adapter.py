@@ -41,7 +41,7 @@ class JoltEngine(NodeEngine):
         options=OPTIONS,
         differences={
             Difference.ARM_LESS_OVERLAP: "Jolt's contact point is midway in the overlap that the step of an impact makes",
-            Difference.BOX_FRICTION_ASKEW: "Jolt bounds friction of each corner by its normal impulse of the sweep before",
+            Difference.BOX_FRICTION_ASKEW: "a box that is longer than wide leaves its straight path by up to 4 % of it",
         },
         capabilities=OF_RIGID | {Capability.DISK_INERTIA, Capability.BODY_FORCES, Capability.SPHERES, Capability.BOXES},
     )
