@@ -26,8 +26,8 @@ FINDINGS = (
         id="jolt/friction-of-a-box-askew",
         versions=VERSION,
         what=(
-            "Friction of a box with a long and a short side is not against its slip: it slides off a straight line by up to 4 % of its path, "
-            "and does not turn. A box with a square face goes straight."
+            "Friction of a box with a long and a short side is not against its slip: it leaves its line by up to 4 % of its path "
+            "without turning. A box with a square face goes straight."
         ),
         size=Size(
             case="box/stop",

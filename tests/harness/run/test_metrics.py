@@ -239,4 +239,5 @@ def test_no_number_is_no_failure_only_where_the_engine_cannot_report_forces() ->
     assert judge(one, compare(one, observed()), "none")[0] == "pass"
     number = check(2.0, number=True)
     assert judge(number, compare(number, observed(number=NAN)), "normal")[0] == "not-observed"
-    assert cell_verdict([{"status": "pass"}, {"status": "not-observed"}]) == ("pass", "")
+    rows = [{"quantity": "x", "truth": "analytic", "reason": "", "status": each} for each in ("pass", "not-observed")]
+    assert cell_verdict(rows) == ("pass", "")
