@@ -123,7 +123,7 @@ WRONG: list[tuple[dict[str, Any], set[str], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("how", "expected", "words"), WRONG, ids=lambda each: str(each)[:40])
+@pytest.mark.parametrize(("how", "expected", "words"), WRONG, ids=[str(how) for how, _, _ in WRONG])
 def test_a_wrong_law_is_named(how: dict[str, Any], expected: set[str], words: str, paths: Path, tmp_path: Path) -> None:
     only = tuple(m for m in MOTIONS if any(each.startswith(m) for each in expected))
     record = answered(paths, tmp_path, only or ("shear-elastic",), **how)
@@ -221,7 +221,7 @@ BAD: list[tuple[str, Callable[[str], str], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "spoil", "words"), BAD, ids=lambda each: str(each)[:30])
+@pytest.mark.parametrize(("name", "spoil", "words"), BAD, ids=[words for _, _, words in BAD])
 def test_bad_files_are_named(
     name: str, spoil: Callable[[str], str], words: str, paths: Path, elastic: str, tmp_path: Path
 ) -> None:
