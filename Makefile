@@ -76,7 +76,8 @@ slow: $(DEVELOPED) ## Pass the tests that take long, and all rows and random inp
 engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
 	@if command -v npm >/dev/null; then npm install --no-audit --no-fund --prefix docs/examples/planck; \
-	  else echo "Left out: Planck.js, the example of an engine in JavaScript; it needs node and npm"; fi
+	  $(PY) -m ninedisk.harness.engines.javascript.node; \
+	  else echo "Left out: Jolt and Planck.js, engines in JavaScript; they need node and npm"; fi
 	@$(PY) -m ninedisk list engines
 
 lint: $(DEVELOPED) ## Check style, format and wording

@@ -99,7 +99,7 @@ class Outcome:
     @property
     def passes(self) -> tuple[int, int]:
         """Checks that pass, and all that were judged."""
-        judged = [row["status"] for row in self.checks if row["status"] != "no-truth"]
+        judged = [row["status"] for row in self.checks if row["status"] not in ("no-truth", "not-observed")]
         return judged.count("pass"), len(judged)
 
     @property

@@ -73,7 +73,7 @@ def stored_rows(stores: Iterable[Path]) -> Iterable[Row]:
     for store in stores:
         for run_id in run_ids(store):
             for row in read_rows(store, read_about(store, run_id), "measurements"):
-                if row["quantity"] and row["status"] not in ("no-truth", "known-gap", "gap-closed"):
+                if row["quantity"] and row["status"] not in ("no-truth", "not-observed", "known-gap", "gap-closed"):
                     yield row
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Protocol, runtime_checkable
 
@@ -195,6 +195,9 @@ class EngineInfo:
         step; ``""``: none. Cases allow for what so few leave of a load (`ninedisk.harness.cases.static.stack`), for no other engine.
     reference : bool
         Whether other engines of its scheme are held against this one's runs; it has to report all that a history has room for.
+    contact_forces : {"all", "normal", "none"}
+        Of contacts with rigid bodies, the forces that the engine can report. Where they are not all, a check whose quantity has no number
+        at any step is ``not-observed``, which is no failure.
     profile : {"tuned", "stock"}
         Settings that the adapter chose to come near to the physics, or the engine's own.
     differences : mapping from Difference to str
@@ -243,6 +246,7 @@ class EngineInfo:
     second_order_dashpots: bool = False
     sweeps: str = ""
     reference: bool = False
+    contact_forces: str = "all"
     profile: str = "tuned"
     differences: Mapping[Difference, str] = field(default_factory=dict)
     options: Mapping[str, Option] = field(default_factory=dict)
@@ -571,7 +575,10 @@ def run_session(
         done = int(step)
         session.observe(history, row)
     settings = getattr(session, "settings", {})
-    return EngineRun(history=history, timings=timings_of(setup, warm_up, stepping), settings=dict(settings))
+    timings = timings_of(setup, warm_up, stepping)
+    if (elsewhere := getattr(session, "cpu_seconds", 0.0)) and timings.cpu is not None:  # of another process
+        timings = replace(timings, cpu=timings.cpu + elsewhere)
+    return EngineRun(history=history, timings=timings, settings=dict(settings))
 
 
 def timings_of(setup: Stopwatch, warm_up: Stopwatch, stepping: Stopwatch) -> Timings:

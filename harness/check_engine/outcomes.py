@@ -185,7 +185,7 @@ class Bench:
             If the probe does not run to its end; EngineUnsupportedError if the engine refuses it once it has it.
         """
         result = run_cell(plan_case(probe, self, {"coarse": coarse}))
-        if result.status not in ("pass", "fail", "no-truth"):
+        if result.status not in ("pass", "fail", "no-truth", "not-observed"):
             raise (EngineUnsupportedError if result.status == "unsupported" else EngineError)(result.reason)
         mends = {form.quantity: form.mend for form in probe.closed_forms(blank_history(probe.setup))}
         unseen = self.unseen(probe)

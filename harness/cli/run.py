@@ -205,7 +205,7 @@ def run(
     \b
     Exit codes:
       0  every cell passes or is excused (unsupported, not-installed, known-gap, gap-closed,
-         known-difference, no-truth); ninedisk list statuses explains these words
+         known-difference, no-truth, not-observed); ninedisk list statuses explains these words
       1  the run is complete but some check failed, or passes that --known-gaps expects to fail
       2  wrong usage (unknown id or parameter, value out of range, store that cannot be written, a named engine
          that is not installed)

@@ -11,7 +11,7 @@ from ninedisk.harness.api.registry import BrokenEntryError, UnknownIdError, get_
 from ninedisk.harness.results.schema import Row
 from ninedisk.harness.results.tables import CaseResult
 
-_RAN = frozenset({"pass", "fail", "known-gap", "gap-closed", "known-difference", "no-truth"})
+_RAN = frozenset({"pass", "fail", "known-gap", "gap-closed", "known-difference", "no-truth", "not-observed"})
 
 
 def judge_claims(results: Sequence[CaseResult]) -> list[Row]:

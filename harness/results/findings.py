@@ -262,7 +262,7 @@ def _readings(size: Size, kept: Kept) -> list[Reading]:
             if row["quantity"] == size.quantity
             and (row["truth"] == size.truth if size.truth else row["truth"] != "published")
         ]
-    found = [_reading(size, row, kept) for row in rows if row.get("status") != "no-truth"]
+    found = [_reading(size, row, kept) for row in rows if row.get("status") not in ("no-truth", "not-observed")]
     # One row that was tampered with takes the others' word, too: the largest of them may be what it hides.
     torn = [each for each in found if _contradiction(each.row)]
     return torn or found or [_no_number(kept, f"the cell ran and nothing there measures {size.quantity!r}")]

@@ -43,6 +43,7 @@ WORST_FIRST = (
     "unsupported",
     "not-installed",
     "pass",
+    "not-observed",
 )
 """Order in which a cell's measurements decide its status: the first one present wins."""
 

@@ -57,6 +57,11 @@ TABLE: Mapping[str, Status] = {
             "outside its tolerance, within the size predicted for a documented deviation of the engine (a finding)",
         ),
         Status("no-truth", "?", "no reference value"),
+        Status(
+            "not-observed",
+            "∙",
+            "not judged: contact forces that the engine has no way to report, as its adapter declares",
+        ),
     )
 }
 """Every status by its id."""

@@ -174,7 +174,7 @@ def gaps_text(results: Sequence[CaseResult]) -> str:
     judged: dict[tuple[str, str, str, str], int] = defaultdict(int)
     for row in (row for result in results for row in result.rows if row["quantity"]):
         key = (row["case"], row["engine"], row["quantity"], row["truth"])
-        judged[key] += row["status"] != "no-truth"
+        judged[key] += row["status"] not in ("no-truth", "not-observed")
         if row["status"] == "fail" and not math.isnan(row["abs_error"]):
             failing[key].append(row)
     lines = [

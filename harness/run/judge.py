@@ -258,14 +258,16 @@ def _not_observed(check: Check, known: list[str]) -> str:
     )
 
 
-def judge(check: Check, deviation: Deviation) -> tuple[str, str]:
-    """Status and reason of one check.
+def judge(check: Check, deviation: Deviation, contact_forces: str = "all") -> tuple[str, str]:
+    """Status and reason of one check, of an engine that reports these contact forces (`EngineInfo.contact_forces`).
 
     A number that is missing where the truth speaks is a failure even for a check with a known gap: the gap explains a
     difference, not the absence of a value.
     """
     if deviation.spoken == 0:
         return "no-truth", f"the {check.truth} truth says nothing here"
+    if deviation.missing == deviation.spoken and contact_forces != "all":
+        return "not-observed", f"of contact forces the engine reports {contact_forces}"
     if deviation.missing:
         return "fail", _missing(deviation)
     inside = deviation.abs_error <= deviation.tolerance
@@ -295,10 +297,10 @@ def _beyond(check: Check, deviation: Deviation) -> str:
     return text
 
 
-def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed) -> Row:
-    """Compare, judge, and write the row of `schema.MEASUREMENT_COLUMNS`."""
+def measurement_row(common: Mapping[str, Any], check: Check, observed: Observed, contact_forces: str = "all") -> Row:
+    """Compare, judge, and write the row of `schema.MEASUREMENT_COLUMNS`; ``contact_forces`` as in `judge`."""
     found = compare(check, observed)
-    status, reason = judge(check, found)
+    status, reason = judge(check, found, contact_forces)
     return complete(
         {
             **common,

@@ -248,7 +248,7 @@ def _measure(
     stock = info.profile == "stock"
     checks = [] if stock else all_checks(cell, setup, observed, info, published)
     common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
-    rows = [measurement_row(common, check, observed) for check in checks]
+    rows = [measurement_row(common, check, observed, info.contact_forces) for check in checks]
     told = {name: head[name] for name in head if name in HEADLINE_COLUMNS}
     headlines = [
         headline_row(told, headline, observed)

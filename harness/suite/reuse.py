@@ -30,7 +30,7 @@ CELL_COLUMNS = ("case", "variant", "engine", "case_version", "params", "setup", 
 SAME = ("case_version", "params", "setup")
 """Columns of a cell that its plan must repeat."""
 
-MEASURED = frozenset({"pass", "fail", "known-gap", "gap-closed", "known-difference", "no-truth"})
+MEASURED = frozenset({"pass", "fail", "known-gap", "gap-closed", "known-difference", "no-truth", "not-observed"})
 
 
 @dataclass(frozen=True)

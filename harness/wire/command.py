@@ -192,6 +192,7 @@ _TRAITS = (
     "sweeps",
     "precision",
     "threads",
+    "contact_forces",
 )
 
 _ARMS = ("turns_exactly_with", "arms_at_walls")

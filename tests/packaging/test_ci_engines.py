@@ -13,7 +13,20 @@ import pytest
 from ninedisk.harness.api.registry import get_engine
 
 pytestmark = pytest.mark.tree  # against the wheel there are no external engines in the environment
-REQUIRED = ("pymunk", "yade", "siconos", "liggghts", "lammps", "kratos", "mujoco", "box2d", "bullet", "dart", "drake")
+REQUIRED = (
+    "pymunk",
+    "yade",
+    "siconos",
+    "liggghts",
+    "lammps",
+    "kratos",
+    "mujoco",
+    "box2d",
+    "bullet",
+    "dart",
+    "drake",
+    "jolt",
+)
 NOT_ON_DEBIAN_13 = ("siconos", "bullet")
 """Debian 13 has no package of Siconos, and PyBullet no wheel for its Python."""
 ROOT = Path(__file__).resolve().parents[2]

@@ -519,6 +519,7 @@ EXTERNAL = (
     "bullet",
     "dart",
     "box2d",
+    "jolt",
     "mujoco",
     "drake",
     "drake-sap",

@@ -30,6 +30,7 @@ IDS = {
     "gap-closed": 0,
     "known-difference": 0,
     "no-truth": 0,
+    "not-observed": 0,
 }
 """What stores, CSV, JUnit and exit codes have had all along."""
 

@@ -228,3 +228,16 @@ def test_exit_codes() -> None:
         wanted = 3 if status in ("error", "timeout") else 0 if status in EXCUSED else 1
         assert exit_code(["pass", status]) == wanted
     assert exit_code(["fail", "error"]) == 3
+
+
+def test_no_number_is_no_failure_only_where_the_engine_cannot_report_forces() -> None:
+    silent, torn = observed([NAN] * 5), observed([0.0, 1.0, NAN, 3.0, 4.0])
+    one = check(TRUTH)
+    assert judge(one, compare(one, silent))[0] == "fail"
+    assert judge(one, compare(one, silent), "none") == ("not-observed", "of contact forces the engine reports none")
+    assert judge(one, compare(one, torn), "none")[0] == "fail"  # it has reported some
+    assert judge(one, compare(one, observed()), "none")[0] == "pass"
+    number = check(2.0, number=True)
+    assert judge(number, compare(number, observed(number=NAN)), "normal")[0] == "not-observed"
+    rows = [{"quantity": "x", "truth": "analytic", "reason": "", "status": each} for each in ("pass", "not-observed")]
+    assert cell_verdict(rows) == ("pass", "")

@@ -1,0 +1,1 @@
+"""Engines in JavaScript and WebAssembly: what their adapters share."""

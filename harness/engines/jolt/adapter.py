@@ -1,0 +1,57 @@
+"""Jolt (jolt-physics): rigid contacts, sequential impulses at velocity level, single precision, WebAssembly in Node.js.
+
+One step detects contacts at its begin, solves for velocities, moves positions with them and takes overlaps out: ``semi-implicit-euler``.
+``harness/engines/javascript/jolt.mjs`` says how a scene is realised.
+"""
+
+from __future__ import annotations
+
+from ninedisk.core.options import PROFILE, Option
+from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
+from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.engines.javascript.adapter import NodeEngine, npm_facts
+from ninedisk.harness.engines.javascript.session import NodeSession
+
+OPTIONS = {
+    "profile": PROFILE,
+    "velocity_steps": Option(
+        default=100, stock=10, low=2, high=255, whole=True, why="a hundred bring a stack of three disks to equilibrium"
+    ),
+    "position_steps": Option(
+        default=10, stock=2, low=1, high=255, whole=True, why="each takes out a fifth of an overlap, without momentum"
+    ),
+}
+
+
+class JoltEngine(NodeEngine):
+    """Adapter of Jolt."""
+
+    id = "jolt"
+    session = "ninedisk.harness.engines.jolt.adapter:JoltSession"
+    distribution = "jolt-physics"
+    capabilities_3d = OF_RIGID_SPHERES | {Capability.BOXES}
+    facts = npm_facts(
+        "jolt-physics",
+        id="jolt",
+        name="Jolt",
+        licence="MIT",
+        precision="float32",
+        contact_forces="none",
+        sweeps="velocity_steps",
+        options=OPTIONS,
+        differences={
+            Difference.ARM_LESS_OVERLAP: "Jolt's contact point is midway in the overlap that the step of an impact makes",
+            Difference.BOX_FRICTION_ASKEW: "a box that is longer than wide leaves its straight path by up to 4 % of it",
+        },
+        capabilities=OF_RIGID | {Capability.DISK_INERTIA, Capability.BODY_FORCES, Capability.SPHERES, Capability.BOXES},
+    )
+
+
+ENGINE = JoltEngine()
+
+
+class JoltSession(NodeSession):
+    """The `Session` of one run."""
+
+    adapter = ENGINE
+    module = "jolt.mjs"
