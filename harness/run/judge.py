@@ -258,6 +258,11 @@ def _not_observed(check: Check, known: list[str]) -> str:
     )
 
 
+def motion_is_whole(history: History) -> bool:
+    """Whether positions, velocities, spins and gaps have numbers: then one that is missing comes from forces."""
+    return all(np.isfinite(each).all() for each in (history.x, history.v, history.omega, history.gap))
+
+
 def judge(check: Check, deviation: Deviation, contact_forces: str = "all") -> tuple[str, str]:
     """Status and reason of one check, of an engine that reports these contact forces (`EngineInfo.contact_forces`).
 

@@ -50,6 +50,7 @@ from ninedisk.harness.run.judge import (
     curves,
     headline_row,
     measurement_row,
+    motion_is_whole,
     reference_curves,
 )
 from ninedisk.harness.run.limits import TIME_LIMIT_VARIABLE
@@ -248,7 +249,8 @@ def _measure(
     stock = info.profile == "stock"
     checks = [] if stock else all_checks(cell, setup, observed, info, published)
     common = {name: head[name] for name in head if name in MEASUREMENT_COLUMNS}
-    rows = [measurement_row(common, check, observed, info.contact_forces) for check in checks]
+    forces = info.contact_forces if motion_is_whole(run.history) else "all"
+    rows = [measurement_row(common, check, observed, forces) for check in checks]
     told = {name: head[name] for name in head if name in HEADLINE_COLUMNS}
     headlines = [
         headline_row(told, headline, observed)

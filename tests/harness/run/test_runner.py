@@ -6,6 +6,8 @@ import json
 import math
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -13,16 +15,19 @@ import numpy as np
 import pytest
 
 from ninedisk.core.errors import InvalidSceneError, UnstableTimeStepError
-from ninedisk.core.history import History
+from ninedisk.core.history import History, Pair
+from ninedisk.core.numerics import Numerics
+from ninedisk.core.scene import Scene
 from ninedisk.harness import run_case, run_matrix
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.case import ParameterError
-from ninedisk.harness.api.engine import EngineError, EngineRun, Stopwatch, Timings
+from ninedisk.harness.api.engine import EngineError, EngineInfo, EngineRun, Stopwatch, Timings
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.api.registry import UnknownIdError
+from ninedisk.harness.engines.dem.adapter import DemEngine
 from ninedisk.harness.results.schema import CELL_COLUMNS, MEASUREMENT_COLUMNS, SERIES_COLUMNS
 from ninedisk.harness.run.isolation import run_isolated
-from ninedisk.harness.run.plan import plan_matrix
+from ninedisk.harness.run.plan import plan_case, plan_matrix
 from ninedisk.harness.run.runner import Patience, run_cell
 from ninedisk.harness.run.timing import reference_seconds, timing_columns
 from ninedisk.harness.run.workers import run_cells
@@ -128,6 +133,30 @@ def test_waiting_is_no_cpu_time() -> None:
     command = [sys.executable, "-c", "import time; time.sleep(0.3); sum(range(3_000_000))"]
     finished = run_isolated(command)
     assert 0.02 < finished.cpu < finished.seconds - 0.25
+
+
+class _Silent(DemEngine):
+    """The in-house DEM as an engine that reports no contact forces, and of some quantity of motion no numbers either."""
+
+    def __init__(self, quantity: str) -> None:
+        self.quantity = quantity
+
+    def info(self) -> EngineInfo:
+        return replace(super().info(), contact_forces="none")
+
+    def run(self, scene: Scene, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
+        run = super().run(scene, numerics, watch)
+        unseen = {name: getattr(run.history, name) * np.nan for name in ("fn", "fs", "wall_force", self.quantity)}
+        return replace(run, history=replace(run.history, **unseen))
+
+
+@pytest.mark.parametrize(
+    ("quantity", "status"), [("fn", "not-observed"), *((each, "fail") for each in ("x", "v", "omega", "gap"))]
+)
+def test_an_engine_without_forces_owes_its_motion(quantity: str, status: str) -> None:
+    found = run_cell(plan_case("incline-block", _Silent(quantity), {"mu": 0.36}))
+    rows = found.measurements
+    assert set(rows[rows.quantity == "fn"].status) == {status}
 
 
 def test_result_of_a_cell() -> None:

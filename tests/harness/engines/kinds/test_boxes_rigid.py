@@ -24,11 +24,14 @@ HALF = np.array([0.4, 0.25, 0.3])
 UP = np.array([2.0, -1.0, 2.0]) / 3.0
 """Normal of the floor: no two components of one size and sign."""
 
-SOFT = {"bullet": 1e-9, "dart": 2e-4, "mujoco": 1e-3, "drake-sap": 5e-3, "drake-lagged": 1e-3}
-"""Relative errors of forces at rest: the solver's, or the engine's softness."""
+SOFT = {"bullet": 1e-9, "dart": 2e-4, "mujoco": 1e-3, "drake-sap": 5e-3, "drake-lagged": 1e-3, "jolt": 0.0}
+"""Relative errors of forces at rest: the solver's, or the engine's softness; Jolt reports none."""
+
+SINGLE = {"jolt": 2e-5}
+"""Errors [m, m/s, -] of motion in single precision: some hundred units of round-off of coordinates up to 10."""
 
 each_engine = pytest.mark.parametrize("engine", SOFT)
-OF_SEVERAL = ("bullet", "dart", "mujoco")
+OF_SEVERAL = ("bullet", "dart", "mujoco", "jolt")
 
 
 def law(mu: float = 0.3) -> SphereLaw:
@@ -62,6 +65,16 @@ def test_these_are_all_engines_with_boxes() -> None:
     assert able - {"cd", "dem"} == set(SOFT)
 
 
+def sees_forces(engine: str, history: History) -> bool:
+    """Whether the engine reports contact forces; if it does not, they have no numbers."""
+    if get_engine(engine).info().contact_forces == "all":
+        return True
+    assert np.isnan(history.fn).all()
+    assert np.isnan(history.fs).all()
+    assert history.moment is None or np.isnan(history.moment).all()
+    return False
+
+
 @each_engine
 def test_a_box_rests_on_an_oblique_floor(engine: str) -> None:
     """Its weight is tilted by 0.2: friction holds it, the plane presses where no moment is left."""
@@ -74,14 +87,16 @@ def test_a_box_rests_on_an_oblique_floor(engine: str) -> None:
     scene = SphereScene(spheres=box, sphere_sphere=contact, walls=(floor(contact, UP),), gravity=(x, y, z))
     history = run(engine, scene, 40, [(0, 1)])
     weight, error = mass * G, SOFT[engine]
-    assert history.moment is not None
     assert history.quaternion is not None
-    np.testing.assert_allclose(history.fn[-1, 0], weight * math.cos(0.2), rtol=2 * error)
-    np.testing.assert_allclose(history.fs[-1, 0], -weight * math.sin(0.2) * along, atol=2 * error * weight)
-    np.testing.assert_allclose(history.moment[-1, 0], 0.0, atol=error * weight)
+    if sees_forces(engine, history):
+        assert history.moment is not None
+        np.testing.assert_allclose(history.fn[-1, 0], weight * math.cos(0.2), rtol=2 * error)
+        np.testing.assert_allclose(history.fs[-1, 0], -weight * math.sin(0.2) * along, atol=2 * error * weight)
+        np.testing.assert_allclose(history.moment[-1, 0], 0.0, atol=error * weight)
     np.testing.assert_allclose(history.gap[-1, 0], 0.0, atol=2e-5)
     np.testing.assert_allclose(rotation_matrix(history.quaternion[-1, 0]), rotation_matrix(to_up()), atol=1e-3)
     np.testing.assert_allclose(history.x[-1, 0], HALF[2] * UP, atol=1e-3)
+    np.testing.assert_allclose(history.v[-1, 0], 0.0, atol=5e-3)
 
 
 @each_engine
@@ -93,10 +108,11 @@ def test_a_box_in_flight_keeps_its_momentum_and_its_orientation_follows_its_spin
     )
     scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),))
     history = run(engine, scene, 40, [(0, 1)])
+    single = SINGLE.get(engine, 0.0)
     assert history.quaternion is not None
     first, last = (rotation_matrix(history.quaternion[k, 0]) for k in (0, -1))
-    np.testing.assert_allclose(first, rotation_matrix(start), atol=1e-12)
-    np.testing.assert_allclose(history.omega[0, 0], spin, atol=1e-12)
+    np.testing.assert_allclose(first, rotation_matrix(start), atol=1e-12 + single)
+    np.testing.assert_allclose(history.omega[0, 0], spin, atol=1e-12 + single)
     inertia = np.array(box.inertia[0])
     momentum = [
         turned @ (inertia * (turned.T @ omega)) for turned, omega in ((first, spin), (last, history.omega[-1, 0]))
@@ -105,8 +121,8 @@ def test_a_box_in_flight_keeps_its_momentum_and_its_orientation_follows_its_spin
     np.testing.assert_allclose(momentum[1], momentum[0], atol=4e-3)
     assert abs(history.omega[-1, 0] - spin).max() > 0.1, "the spin moves"
     reach = np.abs(last.T @ [0.0, 0.0, 1.0]) @ HALF
-    np.testing.assert_allclose(history.gap[-1, 0], history.x[-1, 0, 2] - reach, atol=1e-12)
-    np.testing.assert_allclose(history.x[-1, 0], [0.2, 0.4, 9.6], atol=1e-10)
+    np.testing.assert_allclose(history.gap[-1, 0], history.x[-1, 0, 2] - reach, atol=1e-12 + single)
+    np.testing.assert_allclose(history.x[-1, 0], [0.2, 0.4, 9.6], atol=1e-10 + single)
 
 
 @each_engine
@@ -123,7 +139,9 @@ def test_a_box_that_cannot_turn_slides_without_turning(engine: str) -> None:
     history = run(engine, scene, 20, [(0, 1)])
     assert history.quaternion is not None
     np.testing.assert_allclose(
-        rotation_matrix(history.quaternion[-1, 0]), rotation_matrix(np.array(turn(0.4))), atol=1e-12
+        rotation_matrix(history.quaternion[-1, 0]),
+        rotation_matrix(np.array(turn(0.4))),
+        atol=1e-12 + SINGLE.get(engine, 0.0),
     )
     assert not history.omega[-1].any()
     lost = 0.3 * G * 20 * DT / math.hypot(1.0, 0.5)
@@ -145,12 +163,14 @@ def test_a_stack_of_boxes_and_a_ball_bears_what_statics_says(engine: str) -> Non
     scene = SphereScene(spheres=boxes, sphere_sphere=law(), walls=(floor(law()),), gravity=(0.0, 0.0, -G))
     history = run(engine, scene, 20, [(0, 1), (1, 2), (0, 3)])
     error = 10 * SOFT[engine]
-    np.testing.assert_allclose(history.fn[-1], [3.0 * G, G, 6.0 * G], rtol=error)
-    assert history.moment is not None
-    load = np.cross([0.1, 0.05, 0.3], [0.0, 0.0, -3.0 * G])
-    np.testing.assert_allclose(history.moment[-1, 0], load, atol=error * 6.0 * G)
-    np.testing.assert_allclose(history.moment[-1, 2], -load, atol=error * 6.0 * G)
+    if sees_forces(engine, history):
+        np.testing.assert_allclose(history.fn[-1], [3.0 * G, G, 6.0 * G], rtol=error)
+        assert history.moment is not None
+        load = np.cross([0.1, 0.05, 0.3], [0.0, 0.0, -3.0 * G])
+        np.testing.assert_allclose(history.moment[-1, 0], load, atol=error * 6.0 * G)
+        np.testing.assert_allclose(history.moment[-1, 2], -load, atol=error * 6.0 * G)
     np.testing.assert_allclose(history.gap[-1], 0.0, atol=2e-5)
+    np.testing.assert_allclose(history.v[-1], 0.0, atol=5e-3)
 
 
 @pytest.mark.parametrize("engine", ["drake-sap", "drake-lagged"])
