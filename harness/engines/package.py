@@ -7,6 +7,7 @@ over the wire format. Most have rigid contacts: what those support is here, too.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -46,9 +47,9 @@ class PackageEngine(ProcessEngine):
         return [*super().command(), self.session]
 
     def environment(self, folder: Path) -> Mapping[str, str]:
-        """One thread, and its own home for engines that write logs there."""
-        home = str(folder)
-        return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home}
+        """Its own home, for engines that write logs there; the kernels of the core stay where this process has them."""
+        home, cache = str(folder), os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        return {**super().environment(folder), "HOME": home, "MPLCONFIGDIR": home, "XDG_CACHE_HOME": cache}
 
     def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene; raises `InvalidNumericsError` on an impossible setting, else as `ExternalEngine.run`."""

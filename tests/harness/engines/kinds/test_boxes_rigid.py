@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from ninedisk.harness.api.engine import SupportLevel
 from ninedisk.harness.api.registry import BUILTIN_ENGINES, get_engine
 from ninedisk.harness.api.support import support_of, without_spring_preload
 from ninedisk.harness.engines.boxes import box_frame
+from ninedisk.harness.engines.package import PackageEngine
 
 G, DT = 9.81, 0.005
 HALF = np.array([0.4, 0.25, 0.3])
@@ -195,6 +197,18 @@ def test_a_box_that_touches_a_wall_is_not_moved_off_it() -> None:
     )
     scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),))
     np.testing.assert_allclose(without_spring_preload(scene).spheres.x, [[0.0, 0.0, 0.3], [5.0, 0.0, 0.3]], atol=1e-15)
+
+
+def test_the_process_of_an_engine_keeps_the_kernels_of_the_core(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its home is the run's own: without their folder it would compile the contacts of boxes in every run."""
+    engine = get_engine("bullet")
+    assert isinstance(engine, PackageEngine)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert engine.environment(tmp_path)["XDG_CACHE_HOME"] == str(Path.home() / ".cache")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
+    assert engine.environment(tmp_path)["XDG_CACHE_HOME"] == "/somewhere"
 
 
 def frame(
