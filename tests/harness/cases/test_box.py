@@ -22,8 +22,8 @@ from ninedisk.harness.run.judge import headline_row
 MUJOCO, CD = get_engine("mujoco"), get_engine("cd")
 needs_mujoco = pytest.mark.skipif(not MUJOCO.info().installed, reason="MuJoCo is not installed")
 
-CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop")
-LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6}
+CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop", "box/rocking")
+LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6, "box/rocking": 5}
 
 
 @pytest.mark.parametrize("case_id", CASES)
@@ -67,6 +67,9 @@ def same(it: Any) -> Any:
 
 SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
 SLIPS = {"approach": "turns"}
+EXACT = ("box/corner-drop", "box/rocking")
+"""Cases of impacts, which a soft contact does not do in one step."""
+
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
     "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
@@ -100,6 +103,24 @@ DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..
         reported(v=lambda v: np.concatenate([v[:1], v[1:] + np.array([0.001, 0.0, 0.0])])),
     ),
     "moments of inertia that are swapped": ("box/corner-drop", SLIPS, spheres(inertia=lambda i: i[:, [1, 0, 2]]), same),
+    "a box that is a tenth wider": (
+        "box/rocking",
+        {},
+        spheres(half_sizes=lambda half: half * [1.1, 1.0, 1.0], x=same, radius=lambda _: None, inertia=lambda _: None),
+        same,
+    ),
+    "an impact that keeps slightly more": (
+        "box/rocking",
+        {},
+        same,
+        reported(omega=lambda w: np.concatenate([w[:1], w[1:2] + 1e-6, w[2:]])),
+    ),
+    "a spin that is a sixth faster": (
+        "box/rocking",
+        {},
+        same,
+        reported(omega=lambda w: 7.0 / 6.0 * w),
+    ),
     "orientation that stays": ("box/free", TURNS, same, reported(quaternion=lambda q: np.broadcast_to(q[0], q.shape))),
     "spins of the body's axes": ("box/free", TURNS, same, reported(omega=lambda w: w[..., [1, 2, 0]])),
     "moments of inertia in another order": ("box/free", TURNS, spheres(inertia=lambda i: i[:, [1, 2, 0]]), same),
@@ -122,7 +143,7 @@ def judged(
 def test_a_planted_defect_is_found(judge_history: Any, defect: str) -> None:
     case_id, params, *changes = DEFECTS[defect]
     case = get_case(case_id)
-    engine = CD if case_id == "box/corner-drop" else MUJOCO  # whose corners rebound
+    engine = CD if case_id in EXACT else MUJOCO
     assert judged(judge_history, case, engine, params, changes).failures
 
 
@@ -156,9 +177,24 @@ def test_what_has_no_closed_form_is_refused(params: Mapping[str, Any]) -> None:
         case.build(resolve(case, params).params)
 
 
-@pytest.mark.parametrize("params", get_case("box/corner-drop").matrix())
-def test_a_corner_does_as_the_closed_form_says(judge_history: Any, params: Mapping[str, Any]) -> None:
-    assert judged(judge_history, get_case("box/corner-drop"), CD, params).failures == []
+@pytest.mark.parametrize(
+    ("case_id", "params"), [(case_id, params) for case_id in EXACT for params in get_case(case_id).matrix()]
+)
+def test_impacts_are_those_of_the_closed_form(judge_history: Any, case_id: str, params: Mapping[str, Any]) -> None:
+    assert judged(judge_history, get_case(case_id), CD, params).failures == []
+
+
+@pytest.mark.parametrize(
+    ("params", "said"),
+    [
+        ({"mu": 0.3}, r"mu = 0\.3 is not allowed: the edge would slip"),
+        ({"duration": 1.0}, r"duration = 1 s is not allowed: the box lands at 0\.56"),
+    ],
+)
+def test_rocking_that_slips_or_lands_is_refused(params: Mapping[str, Any], said: str) -> None:
+    case = get_case("box/rocking")
+    with pytest.raises(ParameterError, match=said):
+        case.build(resolve(case, params).params)
 
 
 def test_corners_stick_and_slip_and_turn_around() -> None:
