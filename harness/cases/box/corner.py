@@ -79,7 +79,7 @@ class CornerDrop:
             quantities=(Plotted("impulse_x", "impulse along x"), Plotted("impulse_z", "normal impulse")),
             compare="mu",
             shows="Change of the momentum since time 0.",
-            allows="It is the same in all engines from the first step on; soft contacts take some steps of their own.",
+            allows="It is the same in all engines from the first step on; soft contacts take some substeps.",
         ),
     )
 

@@ -111,8 +111,8 @@ class NodeSession(WorldSession):
         self.cpu_seconds += self.found["cpu"]
 
     def step(self, *, last: bool) -> None:
-        """Steps are asked for by `advance`."""
-        raise NotImplementedError
+        """One step; `advance` asks for many at once."""
+        self.advance(1)
 
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""
