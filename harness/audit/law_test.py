@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ninedisk.core.archive import make_folder
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.audit.geometry import norm
@@ -134,10 +135,10 @@ def write_law_test(folder: Path) -> list[Path]:
     ------
     UsageError
         If the ``law.toml`` that is there is wrong.
-    StoreError
-        If the files cannot be written.
+    UnwritableFileError, StoreError
+        If the folder cannot be made or a file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     given = folder / "law.toml"
     law = _read_law(given) if given.exists() else _Law(LAW, {})
     files = {"README.md": README} | ({} if given.exists() else {"law.toml": TOML})
