@@ -13,6 +13,7 @@ import numpy as np
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.readers.columns import FORMS, Frame, Progress, Trajectory, open_file
 from ninedisk.harness.audit.readers.lammps import read_dump
+from ninedisk.harness.audit.readers.lammps_yaml import read_yaml_dump
 from ninedisk.harness.audit.readers.tables import read_arrays, read_parquet, read_text
 from ninedisk.harness.audit.readers.vtk import read_series
 
@@ -51,9 +52,18 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     with open_file(path) as stream:
         try:
             head = stream.readline(1 << 16)
+            second = stream.readline(1 << 16) if head.startswith("---") else ""
         except (OSError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
-    return read_dump(path, columns, needed) if head.startswith("ITEM:") else read_text(path, columns, needed)
+    if head.startswith("ITEM:"):
+        return read_dump(path, columns, needed)
+    if head.startswith("---"):
+        if "LAMMPS" not in second:
+            raise UsageError(
+                f"{path}, line 2: {second.strip()[:40]!r} should be 'creator: LAMMPS': of YAML, only `dump yaml` is read"
+            )
+        return read_yaml_dump(path, columns, needed)
+    return read_text(path, columns, needed)
 
 
 def dimension_of(trajectory: Trajectory) -> int:

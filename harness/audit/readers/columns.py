@@ -259,9 +259,9 @@ def _separated(lines: Sequence[str], names: Sequence[str], sep: str) -> FloatArr
 
 
 def sample_roundings(
-    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str]
+    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
 ) -> dict[str, Rounding]:
-    """Roundings by tokens of five places of a text."""
+    """Roundings by tokens of five places of a text; marks ``around`` the numbers of a line are left out."""
     tokens = {name: Tokens() for name in wanted.values()}
     if path.suffix in (".gz", ".zst"):
         with open_file(path) as stream:
@@ -275,7 +275,7 @@ def sample_roundings(
                 texts.append(raw.read(SAMPLED).decode("utf-8", "replace"))
     for text in texts:
         for line in text.split("\n")[1:-1][:SAMPLED_LINES]:
-            words = line.split(sep)
+            words = line.strip(around).split(sep) if around else line.split(sep)
             if len(words) != len(names) or words[0].startswith("ITEM"):
                 continue
             for name, word in zip(names, words, strict=True):
