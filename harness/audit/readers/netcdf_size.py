@@ -60,8 +60,12 @@ class _Header:
             raise ValueError(f"a list of {count} entries")
         return count
 
+    def _skip(self, size: int) -> None:
+        """Bytes up to the next multiple of four."""
+        self.at += -(-size // 4) * 4
+
     def _name(self) -> None:
-        self.at += -(-self._count() // 4) * 4
+        self._skip(self._count())
 
     def _dimension(self) -> int:
         self._name()
@@ -71,7 +75,7 @@ class _Header:
         for _ in range(self._list()):
             self._name()
             size = SIZES[self._number(4)]
-            self.at += -(-size * self._count() // 4) * 4
+            self._skip(size * self._count())
 
 
 def check_whole(path: Path) -> None:
