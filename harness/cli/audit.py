@@ -175,10 +175,13 @@ def _show(record: Mapping[str, Any]) -> None:
     verdicts = [check["verdict"] for check in record["checks"]]
     early = [check for check in record["checks"] if check["verdict"] == "violated"]
     if len(early) > 1:
-        first = min(early, key=lambda check: float(check["first"]["t"]))
-        out.print(
-            f"violated first: {first['id']}, at t = {first['first']['t']:.4g} s; later violations may follow from it"
-        )
+        # A time that is no number is None in a record.
+        timed = [check for check in early if check["first"]["t"] is not None]
+        if timed:
+            first = min(timed, key=lambda check: float(check["first"]["t"]))
+            out.print(
+                f"violated first: {first['id']}, at t = {first['first']['t']:.4g} s; later violations may follow from it"
+            )
     out.print(
         f"{verdicts.count('violated')} violated, {verdicts.count('holds')} hold, {verdicts.count('not decidable')} not decidable."
     )

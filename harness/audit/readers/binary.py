@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,34 @@ def library(name: str, extra: str, path: Path) -> Any:
     except ImportError as error:
         raise UsageError(
             f"{str(path)!r} needs the package {name.partition('.')[0]}, which is missing: install ninedisk[{extra}]"
+        ) from error
+
+
+@contextmanager
+def readable(path: Path, form: str) -> Iterator[None]:
+    """What libraries raise on a damaged file, in words; their kinds of errors are many.
+
+    Raises
+    ------
+    UsageError
+        Naming the file.
+    """
+    try:
+        yield
+    except UsageError:
+        raise
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+        TypeError,
+        LookupError,
+        AttributeError,
+        ArithmeticError,
+        MemoryError,
+    ) as error:
+        raise UsageError(
+            f"{path} is no {form} that can be read ({error}): cut off, damaged or still being written"
         ) from error
 
 

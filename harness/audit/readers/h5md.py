@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.readers.binary import found_columns, library, precision, split_vector, unread, vector_names
+from ninedisk.harness.audit.readers.binary import (
+    found_columns,
+    library,
+    precision,
+    readable,
+    split_vector,
+    unread,
+    vector_names,
+)
 from ninedisk.harness.audit.readers.columns import Frame, Progress, Trajectory, halved, halved_rounding
 from ninedisk.harness.audit.readers.netcdf import read_netcdf
 from ninedisk.harness.audit.readers.rounding import Rounding
@@ -47,12 +55,8 @@ class _Element:
         self.times = _samples(node, "time", path) if self.moves and "time" in node else None
 
     def at(self, k: int) -> NDArray[Any]:
-        try:
+        with readable(self.path, f"file whose {self.name} of frame {k + 1}"):
             return np.asarray(self.values[k] if self.moves else self.values[()])
-        except (OSError, RuntimeError, ValueError) as error:
-            raise UsageError(
-                f"{self.path}, frame {k + 1}: {self.values.name} cannot be read ({error}): damaged"
-            ) from error
 
 
 def _samples(node: Any, name: str, path: Path) -> FloatArray:
@@ -74,12 +78,7 @@ class _File:
     def __init__(self, path: Path) -> None:
         self.path = path
         h5py = library("h5py", "h5md", path)
-        try:
-            self.data = h5py.File(path, "r")
-        except OSError as error:
-            raise UsageError(
-                f"{path} is no HDF5 file that can be read ({error}): cut off, damaged or still being written"
-            ) from error
+        self.data = h5py.File(path, "r")
         if "h5md" not in self.data or "particles" not in self.data:
             raise UsageError(f"{path} is HDF5 without the groups h5md and particles: of HDF5, H5MD is read")
         groups = list(self.data["particles"])
@@ -160,13 +159,8 @@ class _File:
 def read_hdf5(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     """Open H5MD, or netCDF in HDF5, which has a dimension ``frame``."""
     h5py = library("h5py", "h5md", path)
-    try:
-        with h5py.File(path, "r") as file:
-            netcdf = "h5md" not in file and "frame" in file and "coordinates" in file
-    except OSError as error:
-        raise UsageError(
-            f"{path} is no HDF5 file that can be read ({error}): cut off, damaged or still being written"
-        ) from error
+    with readable(path, "HDF5 file"), h5py.File(path, "r") as file:
+        netcdf = "h5md" not in file and "frame" in file and "coordinates" in file
     return (read_netcdf if netcdf else read_h5md)(path, columns, needed)
 
 
@@ -178,7 +172,8 @@ def read_h5md(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
     UsageError
         Naming file, dataset, frame and the way out; while frames are read, too.
     """
-    file = _File(path)
+    with readable(path, "H5MD file"):
+        file = _File(path)
     names = [new for name, each in file.elements.items() if name != "image" for new in vector_names(name, each.parts)]
     aliases = {"type": "species"} if "species" in names and not {"type"} & {*names, *columns} else {}
     found = found_columns(names, {**aliases, **columns}, path, needed)

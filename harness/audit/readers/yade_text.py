@@ -23,15 +23,24 @@ SUFFIXES = (".txt", ".dat", ".spheres", ".xyz", "")
 
 
 def yade_files(folder: Path) -> list[Path]:
-    """Files of a folder that begin as YADE's exports do, in the order of the numbers in their names."""
-    found = []
+    """Files of a folder that begin as YADE's exports do, in the order of the numbers in their names.
+
+    Raises
+    ------
+    UsageError
+        If a file beside them, of the same ending, begins otherwise: a frame would be missing without a word.
+    """
+    found, others = [], []
     for file in sorted(
         folder.iterdir(), key=lambda file: [int(part) for part in re.findall(r"\d+", file.stem)] or [-1]
     ):
         if file.suffix in SUFFIXES and file.is_file():
             with open_file(file) as stream:
-                if stream.read(len(HEAD)) == HEAD:
-                    found.append(file)
+                (found if stream.read(len(HEAD)) == HEAD else others).append(file)
+    if found and (odd := [file for file in others if file.suffix in {each.suffix for each in found}]):
+        raise UsageError(
+            f"{odd[0]}, line 1: it does not begin with '{HEAD} ...' as others of this series do: damaged, or move it elsewhere"
+        )
     return found
 
 

@@ -167,8 +167,15 @@ def netcdf_in_hdf5(path: Path, run: Run, kind: str = "f8") -> None:
     netcdf(path, run, kind, "NETCDF4")
 
 
-def gsd(path: Path, run: Run, _: str = "f4", leave_out: tuple[str, ...] = (), once: tuple[str, ...] = ()) -> None:
-    """``leave_out``: chunks that no frame stores; ``once``: that the first alone stores."""
+def gsd(
+    path: Path,
+    run: Run,
+    _: str = "f4",
+    leave_out: tuple[str, ...] = (),
+    once: tuple[str, ...] = (),
+    change: Callable[[Any, int], None] | None = None,
+) -> None:
+    """``leave_out``: chunks that no frame stores; ``once``: that the first alone stores; ``change`` is called with each frame."""
     import gsd.hoomd
 
     inertia = 0.4 * MASS * RADIUS**2
@@ -191,6 +198,8 @@ def gsd(path: Path, run: Run, _: str = "f4", leave_out: tuple[str, ...] = (), on
             for name, values in chunks.items():
                 if name not in leave_out and (k == 0 or name not in once):
                     setattr(frame.particles, name, values)
+            if change is not None:
+                change(frame, k)
             file.append(frame)
 
 
