@@ -13,6 +13,8 @@ from ninedisk.reports.drawing.charts import Dots, Look, PointChart, numbered_loo
 from ninedisk.reports.folder import fresh_folder
 
 MARKER = ".ninedisk-law-test"
+DASH = (3.0, 5.0)
+"""Of a closed form, so that what lies below it is seen."""
 SHOWN = 1e-6
 """Share of the largest force below which a component is not drawn."""
 
@@ -84,14 +86,9 @@ def _chart(motion: Mapping[str, Any]) -> PointChart:
         returned, expected = curves[f"f{axis}"]
         if max(map(abs, [*returned, *expected])) < SHOWN * largest:
             continue
-        for name, curve, look in (
-            (f"f{axis} returned", returned, 2 * k),
-            (f"f{axis} closed form", expected, 2 * k + 1),
-        ):
-            dots.append(Dots(name, _look(name, look), t, tuple(curve)))
-    return PointChart(motion["id"], "t [s]", "force on the first sphere [N]", tuple(dots), x_log=False, y_log=False)
-
-
-def _look(name: str, k: int) -> Look:
-    colour, dash, width, _ = numbered_look(k)
-    return Look(name, colour, dash, width)
+        colour, _, width, _ = numbered_look(k)
+        for name, curve, dash in ((f"f{axis} returned", returned, ()), (f"f{axis} closed form", expected, DASH)):
+            dots.append(Dots(name, Look(name, colour, dash, 2.0 * width if dash else width), t, tuple(curve)))
+    return PointChart(
+        motion["id"], "t [s]", "force on the first sphere [N]", tuple(dots), x_log=False, y_log=False, bare=True
+    )

@@ -109,7 +109,7 @@ columns, in at least 200 rows up to the end:
 | `tq1x, tq1y, tq1z` | torque of the contact on the first sphere [N m]; optional |
 | `tq2x, tq2y, tq2z` | the same on the second; optional |
 
-Then run `ninedisk law-test judge DIR`. A motion without forces is not judged.
+Then run `ninedisk law-test judge DIR`. `--only MOTION` leaves out motions without forces, `--out PAGE` writes a page.
 
 | motion | what it shows |
 |---|---|

@@ -101,7 +101,7 @@ class _File:
             if name in ("position", "box"):
                 continue
             self.elements[name] = each = _Element(name, node, path, self.bodies, self.frames)
-            if each.steps is not None and not np.array_equal(each.steps, position.steps):
+            if each.steps is not None and position.steps is not None and not np.array_equal(each.steps, position.steps):
                 raise UsageError(f"{path}: {name} is stored at other steps than position: store both at the same")
         self.repeats, self.edges = self._box()
 

@@ -91,7 +91,7 @@ class _Document:
 
     def rows(self, count: int) -> list[str]:
         """Contents of so many rows in brackets."""
-        found = []
+        found: list[str] = []
         for text in islice(self.lines, count):
             self.line += 1
             self.done += len(text)

@@ -30,7 +30,8 @@ def yade_files(folder: Path) -> list[Path]:
     UsageError
         If a file beside them, of the same ending, begins otherwise: a frame would be missing without a word.
     """
-    found, others = [], []
+    found: list[Path] = []
+    others: list[Path] = []
     for file in sorted(
         folder.iterdir(), key=lambda file: [int(part) for part in re.findall(r"\d+", file.stem)] or [-1]
     ):

@@ -133,7 +133,7 @@ def part_of(path: Path, rng: random.Random) -> Path:
 
 
 def cut(raw: bytes, rng: random.Random) -> bytes:
-    """Cut within a line or a number: at the end of a frame nobody can tell."""
+    """Cut within a line or a number: the end of a frame looks like that of a file."""
     at = rng.randrange(len(raw) // 8, len(raw) - 1)
     while raw[at - 1 : at] in (b"\n", b".") or raw[:at].endswith(b"\n..."):
         at -= 1
