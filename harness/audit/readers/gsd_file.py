@@ -75,11 +75,11 @@ class _File:
         """What can be used: chunks that move must be stored with every frame."""
         used, remarks = [], []
         for name in PARTS:
-            stored = [k for k in range(self.frames) if self.has(k, f"particles/{name}")]
-            if not stored:
+            has = [self.has(k, f"particles/{name}") for k in range(self.frames)]
+            if not any(has):
                 continue
-            first = min(stored)
-            later = [k for k in range(max(first, 1), self.frames) if k not in set(stored)]
+            stored = [k for k, there in enumerate(has) if there]
+            later = [k for k in range(max(stored[0], 1), self.frames) if not has[k]]
             if name not in MOVING or not later:
                 used.append(name)
             elif stored == [0] and name in ("velocity", "angmom", "image"):
