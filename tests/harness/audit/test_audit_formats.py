@@ -286,3 +286,10 @@ def test_yaml_diameters_are_halved_and_said_so(run: Run, tmp_path: Path) -> None
     read = read_trajectory(tmp_path / "a.yaml", {})
     assert read.remarks == ("radius is half of the column diameter",)
     assert_allclose(next(read.frames(lambda *_: None)).columns["radius"], 0.5 * RADIUS)
+
+
+def test_yaml_without_its_last_line_is_cut_off(run: Run, tmp_path: Path) -> None:
+    yaml(tmp_path / "a.yaml", run)
+    lines = (tmp_path / "a.yaml").read_text().splitlines()
+    (tmp_path / "a.yaml").write_text("\n".join(lines[:-1]) + "\n")
+    refused(tmp_path / "a.yaml", rf"line {len(lines) - 1}: the file ends within frame 60, before its '\.\.\.'")
