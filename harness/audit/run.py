@@ -199,7 +199,7 @@ def _record(
     steps = auditor.intervals
     return {
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
-        "t": [auditor.totals[0]["t"], auditor.totals[-1]["t"]], "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
+        "t": _span([row["t"] for row in auditor.totals]), "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
         "dt": scene.dt, "dimension": scene.dimension,
         "noun": bodies.noun, "remarks": [*trajectory.remarks, *filter(None, [auditor.velocity_remark()])], "digits": dict(auditor.digits),
         "walls": [wall.name for wall in scene.walls],
@@ -218,6 +218,12 @@ def _json_value(value: Any) -> Any:
     if isinstance(value, list):
         return [_json_value(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _span(times: list[float]) -> list[float]:
+    """First and last time that is a number; 0 where none is."""
+    finite = [t for t in times if math.isfinite(t)] or [0.0]
+    return [finite[0], finite[-1]]
 
 
 def _thin(rows: list[dict[str, float]]) -> list[dict[str, float]]:

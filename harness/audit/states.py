@@ -206,16 +206,18 @@ class States:
         )  # fmt: skip
 
     def _check_times(self, state: State) -> None:
-        if self._before is not None:
-            before = self._before
-            back = before - state.t if np.isfinite(state.t) else np.inf
-            wrong = not back < 0.0
-            value = max(back, np.finfo(float).tiny) if wrong else 0.0
+        finite = bool(np.isfinite(state.t))
+        if self._before is not None or not finite:
+            before = -np.inf if self._before is None else self._before
+            wrong = not (finite and state.t > before)
+            value = max(before - state.t, np.finfo(float).tiny) if finite else np.inf
+            after = f" after {before:.9g}" if np.isfinite(before) else ""
             self.tallies["time"].judge(
-                state, np.array([value]), {"a frame is later than the one before": np.zeros(1)},
-                lambda _: f"t = {state.t:.9g} after {before:.9g}", lambda _: np.empty(0, dtype=np.int64),
+                state, np.array([value if wrong else 0.0]), {"a frame is later than the one before": np.zeros(1)},
+                lambda _: f"t = {state.t:.9g}{after}", lambda _: np.empty(0, dtype=np.int64),
             )  # fmt: skip
-        self._before = state.t
+        if finite:
+            self._before = state.t
 
 
 def _bodies(

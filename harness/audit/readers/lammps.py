@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -33,7 +33,7 @@ HEAD = 400
 """Lines in which the first frame's columns must appear."""
 
 
-class _Box:
+class Box:
     """The box of one frame: origin and edges (rows), and along which of them everything repeats."""
 
     def __init__(self, head: str, rows: Sequence[str], where: str) -> None:
@@ -68,7 +68,7 @@ class _Box:
         return np.where(np.array(self.repeats)[:, None], self.edges, np.nan)
 
 
-class _Dump:
+class DumpColumns:
     """What the head of a dump shows: columns, units, whether times are printed."""
 
     def __init__(self, path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> None:
@@ -76,21 +76,7 @@ class _Dump:
         self.names: list[str] = []
         self.units = ""
         self.timed = False
-        self.head = ""
-        with open_file(path) as stream:
-            for line in islice(stream, HEAD):
-                if line.startswith("ITEM: UNITS"):
-                    self.units = next(stream, "").strip()
-                elif line.startswith("ITEM: TIME") and not line.startswith("ITEM: TIMESTEP"):
-                    self.timed = True
-                elif line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
-                    self.names = line.split()[2:]
-                    break
-        if not self.names:
-            raise UsageError(
-                f"{path}: no line 'ITEM: ATOMS ...' among the first {HEAD}: this is no text dump of LAMMPS (`dump custom`), or its "
-                "first frame is cut off"
-            )
+        self.read_head()
         if self.units in MIXED_UNITS:
             raise UsageError(
                 f"{path}: units {self.units} mix {MIXED_UNITS[self.units]}: an audit needs units that fit together: si, cgs, micro, nano "
@@ -112,6 +98,23 @@ class _Dump:
         else:
             require(self.found, self.names, path, needed)
 
+    def read_head(self) -> None:
+        """Names of columns, units and whether there are times, of the first frame."""
+        with open_file(self.path) as stream:
+            for line in islice(stream, HEAD):
+                if line.startswith("ITEM: UNITS"):
+                    self.units = next(stream, "").strip()
+                elif line.startswith("ITEM: TIME") and not line.startswith("ITEM: TIMESTEP"):
+                    self.timed = True
+                elif line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
+                    self.names = line.split()[2:]
+                    break
+        if not self.names:
+            raise UsageError(
+                f"{self.path}: no line 'ITEM: ATOMS ...' among the first {HEAD}: this is no text dump of LAMMPS (`dump custom`), or its "
+                "first frame is cut off"
+            )
+
     def _scaled(self, columns: Mapping[str, str]) -> dict[str, str]:
         """Columns that are fractions of the box -> axis, where no other has the place."""
         found = {}
@@ -123,7 +126,12 @@ class _Dump:
         return found
 
     def rounding(self) -> dict[str, Rounding]:
+        """Roundings of the columns, and of fractions of the box as ``scaled x``."""
         wanted = dict(self.found) | {name: f"scaled {axis}" for name, axis in self.scaled.items()}
+        return self.sample(wanted)
+
+    def sample(self, wanted: Mapping[str, str]) -> dict[str, Rounding]:
+        """Roundings by printed numbers."""
         return sample_roundings(self.path, self.names, None, wanted)
 
 
@@ -135,16 +143,22 @@ def read_dump(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
     UsageError
         Naming file, line, frame and the way out; while frames are read, too.
     """
-    dump = _Dump(path, columns, needed)
+    return opened_dump(DumpColumns(path, columns, needed), _frames, "LAMMPS dump")
+
+
+def opened_dump(
+    dump: DumpColumns, frames_of: Callable[[DumpColumns, Progress, bool], Iterator[Frame]], form: str
+) -> Trajectory:
+    """The trajectory of a dump whose frames ``frames_of`` reads; its last argument asks for all edges of the box."""
     rules = dump.rounding()
     shares = {axis: rules.pop(f"scaled {axis}") for axis in dump.scaled.values()}
 
     def frames(progress: Progress) -> Iterator[Frame]:
-        yield from _frames(dump, progress)
+        yield from frames_of(dump, progress, False)
 
     rounding = halved_rounding(rules)
     if shares:
-        box = next((frame.cell for frame in _frames(dump, lambda *_: None, boxes=True)), None)
+        box = next((frame.cell for frame in frames_of(dump, lambda *_: None, True)), None)
         edges = np.zeros((3, 3)) if box is None else np.nan_to_num(box)
         error = {axis: float(rule.error(np.array([1.0]))[0]) for axis, rule in shares.items()}
         for k, axis in enumerate("xyz"):
@@ -161,11 +175,11 @@ def read_dump(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
     if dump.units and dump.units != "si":
         remarks.append(f"numbers are in units {dump.units} of LAMMPS: write the TOML in the same")
     return Trajectory(
-        path, "LAMMPS dump", frames, rounding, "t" if dump.timed else "step", frozenset(names), tuple(remarks)
+        dump.path, form, frames, rounding, "t" if dump.timed else "step", frozenset(names), tuple(remarks)
     )
 
 
-def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator[Frame]:
+def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Frame]:
     """Frames one after the other; ``boxes``: their edges instead of the periodic ones."""
     path, names = dump.path, dump.names
     size = path.stat().st_size
@@ -173,7 +187,7 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
     step: int | None = None
     count: int | None = None
     t = np.nan
-    box: _Box | None = None
+    box: Box | None = None
     with open_file(path) as stream:
 
         def one() -> str:
@@ -214,7 +228,7 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                     raise UsageError(f"{path}, line {line}, frame {number + 1}: {count} rows: it must be >= 0")
             elif text.startswith("ITEM: BOX BOUNDS"):
                 head, where = text, f"{path}, line {line + 1}, frame {number + 1}"
-                box = _Box(head, [one() for _ in range(3)], where)
+                box = Box(head, [one() for _ in range(3)], where)
             elif text.startswith("ITEM: UNITS"):
                 one()
             elif text.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
@@ -250,7 +264,7 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                 if dump.scaled:
                     if box is None:
                         raise UsageError(f"{path}, {place}: fractions of a box, and no 'ITEM: BOX BOUNDS' before them")
-                    found |= _lengths(dump, values, box)
+                    found |= lengths_of_shares(dump, values, box)
                 cell = None if box is None else box.edges if boxes else box.cell()
                 yield Frame(step, t, halved(found), place, cell)
                 step, count, t, box = None, None, np.nan, None
@@ -267,7 +281,7 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
         )
 
 
-def _lengths(dump: _Dump, values: Mapping[str, FloatArray], box: _Box) -> dict[str, FloatArray]:
+def lengths_of_shares(dump: DumpColumns, values: Mapping[str, FloatArray], box: Box) -> dict[str, FloatArray]:
     """Places out of fractions of the box, of the axes that are given so."""
     share = {axis: values[name] for name, axis in dump.scaled.items()}
     found = {}

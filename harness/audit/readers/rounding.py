@@ -49,7 +49,7 @@ class Rounding:
             return f"{self.decimals} decimals"
         if self.significant is not None and self.significant < 16:
             return f"{self.significant} significant digits"
-        return "single precision" if self.bits == 24 else "double precision"
+        return "single precision" if self.bits <= 24 else "double precision"
 
 
 @dataclass
