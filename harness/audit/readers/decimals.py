@@ -135,23 +135,25 @@ def parse_rows(
             if negative or raw[at] == 43:
                 at += 1
             w = zero
-            digits = 0
-            some = False
-            q = 0
-            point = False
-            while at < end:
-                byte = raw[at]
-                if byte >= 48 and byte <= 57:
-                    some = True
-                    if digits > 0 or byte != 48:
-                        digits += 1
-                    w = w * U10 + np.uint64(byte - 48)
-                    q -= point
-                elif byte == 46 and not point:
-                    point = True
-                else:
-                    break
+            begun = at
+            while at < end and raw[at] >= 48 and raw[at] <= 57:
+                w = w * U10 + np.uint64(raw[at] - 48)
                 at += 1
+            digits = at - begun
+            q = 0
+            if at < end and raw[at] == 46:
+                at += 1
+                point = at
+                while at < end and raw[at] >= 48 and raw[at] <= 57:
+                    w = w * U10 + np.uint64(raw[at] - 48)
+                    at += 1
+                q = point - at
+                digits -= q
+            some = digits > 0
+            if digits > NINETEEN:  # zeros that lead are none
+                while begun < at and (raw[begun] == 48 or raw[begun] == 46):
+                    digits -= raw[begun] == 48
+                    begun += 1
             if at < end and some and (raw[at] == 101 or raw[at] == 69):
                 at += 1
                 below = at < end and raw[at] == 45
