@@ -95,8 +95,7 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
         eh = self._clock_error(b, c, h) + 2.0 * EPS * abs(c.t)
         mean = 0.5 * (b.v + c.v)
         speed = np.maximum(norm(b.v), norm(c.v))
-        squeeze = self._spring_forces(b, c)
-        ev = b.ev + c.ev + 4.0 * hidden * (speed + norm(g) * h + squeeze * h / bodies.mass) + eh * norm(g)
+        ev = b.ev + c.ev + 4.0 * hidden * (speed + norm(g) * h) + eh * norm(g)
         ex = b.ex + c.ex + 2.0 * hidden * np.maximum(norm(b.x), norm(c.x)) + 0.5 * h * (b.ev + c.ev) + eh * speed
         drag = scene.damping * h
         dv = c.v - b.v - g * h + drag * mean
@@ -110,6 +109,8 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             if (wider <= bulge).all():
                 break
             bulge = wider
+        squeeze = self._spring_forces(b, c)
+        ev += 4.0 * hidden * (squeeze * h / bodies.mass)
         whole = Interval(b, c, h, dt, use, touch, dv, ev, hidden, squeeze)
         self._motion(a, whole, d, r, ex, resolved, reach)
         self._momentum(whole, ev + lag)

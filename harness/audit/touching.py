@@ -140,8 +140,7 @@ class Touching:
 
         The way from b to c, if one event bends it, departs from its chord by at most h/4 of the change of velocity, which is ``bulge``.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
+        from ninedisk.harness.audit.kernels import pair_groups, touching_pairs
 
         n, R = len(use), self.bodies.radius
         both = b.here & c.here
@@ -151,13 +150,10 @@ class Touching:
         reach = R + norm(half) + bow
         found, shift = close_pairs(middle[at], reach[at], b.cell)
         pairs = at[found]
-        i, j = pairs[:, 0], pairs[:, 1]
-        d0, d1 = b.x[j] + shift - b.x[i], c.x[j] + shift - c.x[i]
-        displacement = d1 - d0
-        length = (displacement * displacement).sum(axis=1)
-        share = np.clip(-(d0 * displacement).sum(axis=1) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-        gap = norm(d0 + share[:, None] * displacement) - R[i] - R[j]
-        near = (gap <= bow[i] + bow[j]) & (use[i] | use[j])
+        if not (c.here & ~b.here).any():
+            self._overlaps(c, (pairs, shift))  # what overlaps in c was near in between
+        near = np.empty(len(pairs), dtype=bool)
+        touching_pairs(pairs, shift, b.x, c.x, R, bow, use, near)
         pairs, shift = pairs[near], shift[near]
         i, j = pairs[:, 0], pairs[:, 1]
         anchored = np.zeros(n, dtype=bool)
@@ -175,12 +171,11 @@ class Touching:
             else np.empty((0, 2), dtype=np.int64)
         )
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
-        inner = pairs[~held]
-        graph = coo_array((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), shape=(n, n))
-        groups, label = connected_components(graph, directed=False)
+        label = np.empty(n, dtype=np.int64)
+        groups = pair_groups(pairs, ~held, label)
         across = np.zeros(groups, dtype=bool)
         across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
-        return Contacts(pairs, on_wall, anchored, degree, label.astype(np.int64), int(groups), across)
+        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across)
 
     def _name(self, disk: int) -> str:
         return f"{self.bodies.noun} {self.bodies.id[disk]}"
@@ -213,20 +208,27 @@ class Touching:
             depth = np.maximum(depth, speed * (c.t - b.t))
         return depth
 
-    def _overlaps(self, state: State) -> tuple[Any, ...]:
-        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given)."""
+    def _overlaps(self, state: State, near: tuple[NDArray[np.int64], FloatArray] | None = None) -> tuple[Any, ...]:
+        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given).
+
+        ``near`` has all pairs that may overlap, and shifts as of `close_pairs`, where they are known.
+        """
+        from ninedisk.harness.audit.kernels import pair_depths
+
         cached: tuple[Any, ...] | None = self._cache.get(id(state))
         if cached is not None and cached[0] is state:
             return tuple(cached[1:])
         scene, bodies = self.scene, self.bodies
         n, R = len(bodies.id), bodies.radius
-        at = np.flatnonzero(state.here)
-        found, shift = close_pairs(state.x[at], R[at], state.cell)
-        pairs = at[found]
-        i, j = pairs[:, 0], pairs[:, 1]
-        depth = R[i] + R[j] - norm(state.x[j] + shift - state.x[i])
-        kept = depth > 0.0
-        i, j, depth = i[kept], j[kept], depth[kept]
+        if near is None:
+            at = np.flatnonzero(state.here)
+            found, shift = close_pairs(state.x[at], R[at], state.cell)
+            near = at[found], shift
+        depth = np.empty(len(near[0]))
+        pair_depths(*near, state.x, R, depth)
+        kept = np.flatnonzero(depth > 0.0)
+        depth = depth[kept]
+        i, j = near[0][kept].T
         kn, ks = (np.full(len(i), np.nan if value is None else value) for value in (scene.kn, scene.ks))
         if scene.walls:
             over = np.nan_to_num(R[:, None] - self.track.at(state.t).heights(state.x), nan=-1.0)

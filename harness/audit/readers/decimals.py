@@ -1,8 +1,8 @@
 """Rows of decimals in bytes of ASCII as float64, each rounded as `float` rounds it; what is anything else is left to the caller.
 
 Up to 19 digits are one integer w; the number is w 10^q. Where w <= 2^53 and -22 <= q <= 22, one product or quotient of exact numbers is
-rounded once. Else the product of w and 128 bits of 5^q decides, as D. Lemire shows ("Number parsing at a gigabyte per second", Software: Practice
-and Experience 51, 2021, algorithm 1). Longer numbers, subnormal ones and those that overflow are left to `float`.
+rounded once. Else the product of w and 128 bits of 5^q decides, as D. Lemire shows ("Number parsing at a gigabyte per second", Software:
+Practice and Experience 51, 2021, algorithm 1). Longer numbers, subnormal ones and those that overflow are left to `float`.
 """
 
 from __future__ import annotations
