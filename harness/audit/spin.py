@@ -153,8 +153,9 @@ class SpinChecks(Touching):
         """The same for arms equal to the radii: both of a pair have the same I dw/R, and gain at most overlap times that."""
         scene, tally = self.scene, self.radius_arms
         touch, R = interval.touch, self.bodies.radius
-        place = {int(group): k for k, group in enumerate(clear)}
-        pairs = [(place[group], *touch.pairs[k]) for group, k in pair_of.items() if group in place]
+        place = np.full(touch.groups, -1, dtype=np.int64)
+        place[clear] = np.arange(len(clear))
+        pairs = [(place[group], *touch.pairs[k]) for group, k in pair_of.items() if place[group] >= 0]
         if pairs:
             at, i, j = np.array(pairs, dtype=np.int64).T
             per = [turned[body] / R[body][:, None] for body in (i, j)]

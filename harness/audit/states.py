@@ -70,19 +70,15 @@ class States:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
             self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
         bodies = self.bodies
-        unique, first = np.unique(here, return_index=True)
-        place = np.searchsorted(bodies.id, unique)
-        known = (place < len(bodies.id)) & (bodies.id[np.minimum(place, len(bodies.id) - 1)] == unique)
-        rows, place = first[known], place[known]
-        present = np.zeros(len(bodies.id), dtype=bool)
-        present[place] = True
+        row, doubled, new = _rows_of(bodies.id, here)
+        present = row >= 0
+        whole = bool(present.all())
 
         def column(name: str) -> FloatArray | None:
             if name not in columns:
                 return None
-            found = np.full(len(bodies.id), np.nan)
-            found[place] = columns[name][rows]
-            return found
+            found = columns[name][row]
+            return found if whole else np.where(present, found, np.nan)
 
         def rounding(name: str, values: FloatArray | None) -> FloatArray:
             rule = self.trajectory.rounding.get(name, Rounding())
@@ -118,7 +114,7 @@ class States:
         )  # fmt: skip
         self._last = state
         self._numbers(state, columns, present)
-        self._check_ids(state, len(here) - len(unique), int((~known).sum()), present, here)
+        self._check_ids(state, doubled, new, present, here)
         self._check_times(state)
         return state
 
@@ -168,10 +164,19 @@ class States:
         return frame.step * scene.dt, 0.0
 
     def _numbers(self, state: State, columns: Mapping[str, FloatArray], present: NDArray[np.bool_]) -> None:
-        bad = {name: int((~(np.abs(column) < LARGEST)).sum()) for name, column in columns.items()}
-        arrays = [*state.x.T, *state.v.T]
-        arrays += [each for array in (state.omega, state.angle) if array is not None for each in array.T]
-        wrong = present & ~(np.abs(arrays) < LARGEST).all(axis=0)
+        from ninedisk.harness.audit.sums import mark_large
+
+        any_row = np.zeros(len(columns["x"]), dtype=bool)
+        bad = {
+            name: mark_large(np.ascontiguousarray(column, dtype=float), LARGEST, any_row)
+            for name, column in columns.items()
+        }
+        wrong = np.zeros(len(present), dtype=bool)
+        for array in (state.x, state.v, state.omega, state.angle):
+            if array is not None:
+                for each in array.T:
+                    mark_large(np.ascontiguousarray(each), LARGEST, wrong)
+        wrong &= present
         given = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
         self.tallies["finite"].judge(
             state,
@@ -284,6 +289,21 @@ def _bodies(
         er,
         em,
     )
+
+
+def _rows_of(known: NDArray[np.int64], ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], int, int]:
+    """First row of each known body, -1 where it has none; how many rows repeat an id; how many ids are new."""
+    from ninedisk.harness.audit.sums import rows_of_bodies
+
+    row = np.empty(len(known), dtype=np.int64)
+    if known[-1] - known[0] == len(known) - 1 and rows_of_bodies(ids, int(known[0]), row):
+        return row, 0, 0
+    unique, first = np.unique(ids, return_index=True)
+    place = np.searchsorted(known, unique)
+    found = (place < len(known)) & (known[np.minimum(place, len(known) - 1)] == unique)
+    row[:] = -1
+    row[place[found]] = first[found]
+    return row, len(ids) - len(unique), int((~found).sum())
 
 
 def difference_velocities(

@@ -264,10 +264,12 @@ class Touching:
 
 def groups_of(touch: Contacts, values: FloatArray, use: NDArray[np.bool_]) -> Any:
     """Sums by group, of numbers or vectors."""
-    values = np.where(use if values.ndim == 1 else use[:, None], values, 0.0)
-    if values.ndim == 1:
-        return np.bincount(touch.label, values, touch.groups)
-    return np.column_stack([np.bincount(touch.label, values[:, k], touch.groups) for k in range(values.shape[1])])
+    from ninedisk.harness.audit.sums import sum_groups
+
+    columns = values.reshape(len(values), -1)
+    found = np.zeros((touch.groups, columns.shape[1]))
+    sum_groups(touch.label, use, columns, found)
+    return found[:, 0] if values.ndim == 1 else found
 
 
 def wall_sets(touch: Contacts, walls: int) -> NDArray[np.int64]:
