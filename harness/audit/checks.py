@@ -82,6 +82,8 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
     # One interval, from b to c; a and d are its neighbours.
 
     def _interval(self, a: State | None, b: State, c: State, d: State | None) -> None:
+        from ninedisk.harness.audit.terms import interval_terms
+
         scene, bodies = self.scene, self.bodies
         h = c.t - b.t
         if not h > 0.0:
@@ -93,14 +95,12 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
         hidden = self.eps * max(1.0, h / dt)
         g = scene.gravity
         eh = self._clock_error(b, c, h) + 2.0 * EPS * abs(c.t)
-        mean = 0.5 * (b.v + c.v)
-        speed = np.maximum(norm(b.v), norm(c.v))
+        n = len(use)
+        dv, r = np.empty_like(b.x), np.empty_like(b.x)
+        speed, far, lag = np.empty(n), np.empty(n), np.empty(n)
+        interval_terms(b.x, c.x, b.v, c.v, h, scene.damping, g, dv, r, speed, far, lag)
         ev = b.ev + c.ev + 4.0 * hidden * (speed + norm(g) * h) + eh * norm(g)
-        ex = b.ex + c.ex + 2.0 * hidden * np.maximum(norm(b.x), norm(c.x)) + 0.5 * h * (b.ev + c.ev) + eh * speed
-        drag = scene.damping * h
-        dv = c.v - b.v - g * h + drag * mean
-        lag = drag * norm(c.v - b.v)
-        r = c.x - b.x - h * mean
+        ex = b.ex + c.ex + 2.0 * hidden * far + 0.5 * h * (b.ev + c.ev) + eh * speed
         bulge = 0.25 * h * norm(dv) + norm(r) + ex + 0.5 * dt * speed
         for _ in range(ROUNDS):
             touch = self._possible_contacts(b, c, use, bulge)

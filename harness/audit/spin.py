@@ -23,15 +23,28 @@ class SpinChecks(Touching):
     """Checks of `Auditor` on spins and torques."""
 
     def _spin(self, interval: Interval) -> None:
+        from ninedisk.harness.audit.terms import arm_noise, centre_sums, moment_sums, spin_change
+
         scene, bodies, tally = self.scene, self.bodies, self.tallies["spin"]
         b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
         assert b.omega is not None
         assert c.omega is not None
-        m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
-        turned = inertia[:, None] * np.where(use[:, None], c.omega - b.omega, 0.0)
-        share = bodies.em / bodies.mass + 2.0 * bodies.er / bodies.radius
-        err = norm(turned) * share + inertia * (
-            b.eo + c.eo + 4.0 * hidden * np.nan_to_num(np.maximum(norm(b.omega), norm(c.omega)))
+        m = np.where(use, bodies.mass, 0.0)
+        turned, err = np.empty_like(b.omega), np.empty(len(use))
+        spin_change(
+            use,
+            b.omega,
+            c.omega,
+            b.eo,
+            c.eo,
+            bodies.mass,
+            bodies.radius,
+            bodies.inertia,
+            bodies.em,
+            bodies.er,
+            hidden,
+            turned,
+            err,
         )
         if not scene.frictional and not scene.rolling and scene.damping == 0.0:
             at = np.flatnonzero(use)
@@ -44,24 +57,18 @@ class SpinChecks(Touching):
         walls = wall_sets(touch, len(scene.walls))
         size = np.bincount(touch.label, use, touch.groups)
         anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
-        mass = np.maximum(groups_of(touch, m, use), 1e-300)
         change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
         arms = np.zeros(len(use))
+        mass, X, V = np.empty(touch.groups), *(np.empty((touch.groups, b.x.shape[1])) for _ in range(2))
+        xi, u = np.empty(b.x.shape[1]), np.empty(b.x.shape[1])
         for state, sign in ((c, 1.0), (b, -1.0)):
-            X, V = (groups_of(touch, m[:, None] * each, use) / mass[:, None] for each in (state.x, state.v))
-            xi, u = state.x - X[touch.label], state.v - V[touch.label]
-            change += sign * groups_of(touch, m[:, None] * cross(xi, u), use)
-            noise += groups_of(touch, bodies.em * norm(xi) * norm(dv), use)
-            noise += groups_of(
-                touch,
-                m * (norm(xi) * (state.ev + hidden * norm(state.v)) + norm(u) * (state.ex + hidden * norm(state.x))),
-                use,
-            )
-            arms = np.maximum(arms, norm(xi))
-        noise += groups_of(touch, m * arms * np.maximum(ev - b.ev - c.ev, 0.0), use)
+            centre_sums(use, touch.label, bodies.mass, state.x, state.v, mass, X, V)
+            moment_sums(
+                use, touch.label, bodies.mass, bodies.em, state.x, state.v, state.ex, state.ev, dv, X, V, hidden, sign, xi, u, change,
+                noise, arms,
+            )  # fmt: skip
         # An engine forms arms out of coordinates: their rounding times the impulses.
-        passed = m * norm(dv) + squeeze * h
-        noise += groups_of(touch, 2.0 * self.eps * np.maximum(norm(b.x), norm(c.x)) * passed, use)
+        arm_noise(use, touch.label, bodies.mass, arms, ev, b.ev, c.ev, dv, b.x, c.x, squeeze, h, self.eps, noise)
         free = (walls == 0) & ~anchored & (size > 0)
         tally.skip(
             int((free & touch.across).sum()), "contacts across a periodic edge carry angular momentum through the box"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,16 +96,27 @@ class Touching:
     def _spring_forces(self, *states: State) -> FloatArray:
         """Sum of the spring forces on each disk [N], the larger of the states'; 0 without kn."""
         n = len(self.bodies.id)
-        found = np.zeros(n)
         if self.scene.kn is None and not any(self.scene.wall_kn):
-            return found
-        for state in states:
+            return np.zeros(n)
+
+        def made(state: State) -> FloatArray:
             i, j, depth, kn, _ = self._overlaps(state)
             force = np.nan_to_num(kn) * depth
-            total = np.bincount(i, force, n)
             disks = j < n
-            found = np.maximum(found, total + np.bincount(j[disks], force[disks], n))
-        return found
+            return np.asarray(np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n))
+
+        found = [self._once(state, "forces", partial(made, state)) for state in states]
+        return np.asarray(found[0] if len(found) == 1 else np.maximum(*found))
+
+    def _once(self, state: State, what: str, made: Callable[[], Any]) -> Any:
+        """What is made of a state alone; kept for as long as the state is needed."""
+        kept = self._cache.get(id(state))
+        if kept is None or kept[0] is not state:
+            kept = state, {}
+            self._cache = dict(list(self._cache.items())[-1:]) | {id(state): kept}
+        if what not in kept[1]:
+            kept[1][what] = made()
+        return kept[1][what]
 
     def _resolved_disks(
         self, b: State, c: State, use: NDArray[np.bool_], touch: Contacts, h: float, dt: float
@@ -213,11 +225,12 @@ class Touching:
 
         ``near`` has all pairs that may overlap, and shifts as of `close_pairs`, where they are known.
         """
+        found: tuple[Any, ...] = self._once(state, "overlaps", lambda: self._find_overlaps(state, near))
+        return found
+
+    def _find_overlaps(self, state: State, near: tuple[NDArray[np.int64], FloatArray] | None) -> tuple[Any, ...]:
         from ninedisk.harness.audit.kernels import pair_depths
 
-        cached: tuple[Any, ...] | None = self._cache.get(id(state))
-        if cached is not None and cached[0] is state:
-            return tuple(cached[1:])
         scene, bodies = self.scene, self.bodies
         n, R = len(bodies.id), bodies.radius
         if near is None:
@@ -236,12 +249,14 @@ class Touching:
             i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
             kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
                       for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
-        kept_pairs = (i.astype(np.int64), j.astype(np.int64), depth, kn, ks)
-        self._cache = dict(list(self._cache.items())[-3:]) | {id(state): (state, *kept_pairs)}
-        return kept_pairs
+        return i.astype(np.int64), j.astype(np.int64), depth, kn, ks
 
     def _spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
         """Energies of springs by disk [J] and their errors; a pair's stand at its first disk."""
+        found: dict[str, FloatArray] = self._once(state, "springs", lambda: self._find_spring_energies(state, mu))
+        return found
+
+    def _find_spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
         n = len(self.bodies.id)
         i, j, depth, kn, ks = self._overlaps(state)
         other = np.where(j < n, j, i)
