@@ -23,7 +23,7 @@ class EnergyChecks(Touching):
         m, g = np.where(use, bodies.mass, 0.0), scene.gravity
         tally = self.tallies["energy"]
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
-        size = np.bincount(touch.label, use, touch.groups)
+        size = touch.size
         walls = wall_sets(touch, len(scene.walls))
         touched = np.bincount(touch.label, np.where(use, touch.degree, 0), touch.groups) > 0
         gain, fall = np.zeros(touch.groups), np.zeros(touch.groups)
@@ -67,7 +67,7 @@ class EnergyChecks(Touching):
         if scene.cohesive:
             blind |= touched
             before |= touched
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        anchored = touch.held
         moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
         for group in np.flatnonzero((walls & moving > 0) & (size > 0)):

@@ -103,7 +103,9 @@ def close_pairs(
 def _plain_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
     if len(x) < 2:
         return np.empty((0, 2), dtype=np.int64)
-    common = 3.0 * float(np.median(reach))
+    common = 3.0 * float(reach.min())
+    if float(reach.max()) > common:
+        common = 3.0 * float(np.median(reach))
     far = np.flatnonzero(reach > common)
     if not len(far):
         return _usual_pairs(x, reach)
@@ -125,9 +127,9 @@ def _usual_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
     if n < 2:
         return np.empty((0, 2), dtype=np.int64)
     size = 2.0 * float(reach.max()) * (1.0 + 1e-9)
-    low, span = x.min(axis=0), np.ptp(x, axis=0)
+    low, high = (np.array([end(column) for column in x.T]) for end in (np.min, np.max))
     shape = np.ones(3)
-    shape[: x.shape[1]] = np.floor(span / size) + 1.0 if size > 0.0 else np.inf
+    shape[: x.shape[1]] = np.floor((high - low) / size) + 1.0 if size > 0.0 else np.inf
     if not shape.prod() <= CELLS * n + 1000:
         return _tree_pairs(x, reach)
     counts = shape.astype(np.int64)

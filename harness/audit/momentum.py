@@ -126,9 +126,9 @@ class MomentumChecks(Touching):
         got, allowed, mass = np.zeros((groups, b.v.shape[1])), np.zeros(groups), np.zeros(groups)
         momentum_sums(use, touch.label, bodies.mass, bodies.em, interval.dv, ev, touch.degree, got, allowed, mass)
         mass = np.maximum(mass, 1e-300)
-        size = np.bincount(touch.label, use, touch.groups)
+        size = touch.size
         walls = wall_sets(touch, len(self.scene.walls))
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        anchored = touch.held
         clear = (walls == 0) & ~anchored
         alone = np.flatnonzero(clear & (size == 1))
         who, members = self._group_words(touch, alone, use)

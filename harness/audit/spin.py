@@ -55,8 +55,8 @@ class SpinChecks(Touching):
             tally.skip(1, "global damping takes angular momentum")
             return
         walls = wall_sets(touch, len(scene.walls))
-        size = np.bincount(touch.label, use, touch.groups)
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        size = touch.size
+        anchored = touch.held
         change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
         arms = np.zeros(len(use))
         mass, X, V = np.empty(touch.groups), *(np.empty((touch.groups, b.x.shape[1])) for _ in range(2))
@@ -182,8 +182,9 @@ class SpinChecks(Touching):
             gain = depth * np.maximum(shear, turns)
             parts = {"digits of omega, x and v": noise[clear[at]], "arms of R: overlap times the shear impulse": gain}
             tally.judge(interval.c, norm(change[clear[at]]), parts, lambda k: who(at[k]), members)
-        size = np.bincount(touch.label, interval.use, touch.groups)
-        several = np.flatnonzero((size[clear] > 1) & ~np.isin(clear, list(pair_of)))
+        size = touch.size
+        several = np.flatnonzero(size[clear] > 1)
+        several = several[~np.isin(clear[several], list(pair_of))]
         if len(several) and scene.kn and scene.mu is not None:
             i, j = touch.pairs[:, 0], touch.pairs[:, 1]
             depth = self._depth_of_pairs(i, j, interval)

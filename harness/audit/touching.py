@@ -22,7 +22,10 @@ EPS = 2.0**-52
 
 @dataclass(frozen=True)
 class Contacts:
-    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge."""
+    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge.
+
+    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body.
+    """
 
     pairs: NDArray[np.int64]
     walled: NDArray[np.int64]
@@ -31,6 +34,8 @@ class Contacts:
     label: NDArray[np.int64]
     groups: int
     across: NDArray[np.bool_]
+    size: NDArray[np.int64]
+    held: NDArray[np.bool_]
 
 
 class Interval(NamedTuple):
@@ -156,12 +161,10 @@ class Touching:
 
         n, R = len(use), self.bodies.radius
         both = b.here & c.here
-        at = np.flatnonzero(both)
-        middle, half = 0.5 * (b.x + c.x), 0.5 * (c.x - b.x)
+        middle = 0.5 * (b.x + c.x)
         bow = np.where(self.bodies.fixed, 0.0, bulge)
-        reach = R + norm(half) + bow
-        found, shift = close_pairs(middle[at], reach[at], b.cell)
-        pairs = at[found]
+        reach = R + 0.5 * norm(c.x - b.x) + bow
+        pairs, shift = _close_pairs_of(both, middle, reach, b.cell)
         if not (c.here & ~b.here).any():
             self._overlaps(c, (pairs, shift))  # what overlaps in c was near in between
         near = np.empty(len(pairs), dtype=bool)
@@ -172,22 +175,23 @@ class Touching:
         held = ~(use[i] & use[j])
         anchored[pairs[held].ravel()] = True
         anchored &= use
-        walled = []
-        h = c.t - b.t
-        for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
-            height = self.track.at(b.t + share_t * h).heights(x) - R[:, None]
-            walled.append(height <= (bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None])
-        on_wall = (
-            np.argwhere(np.any(walled, axis=0) & use[:, None])
-            if len(self.scene.walls)
-            else np.empty((0, 2), dtype=np.int64)
-        )
+        on_wall = np.empty((0, 2), dtype=np.int64)
+        if self.scene.walls:
+            h = c.t - b.t
+            slack = (R + bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None]
+            walled = np.zeros((n, len(self.scene.walls)), dtype=bool)
+            for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
+                walled |= self.track.at(b.t + share_t * h).heights(x) <= slack
+            on_wall = np.argwhere(walled & use[:, None])
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
         label = np.empty(n, dtype=np.int64)
         groups = pair_groups(pairs, ~held, label)
         across = np.zeros(groups, dtype=bool)
         across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
-        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across)
+        size = np.bincount(label if use.all() else label[use], minlength=groups)
+        fixed = np.zeros(groups, dtype=bool)
+        fixed[label[anchored]] = True
+        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed)
 
     def _name(self, disk: int) -> str:
         return f"{self.bodies.noun} {self.bodies.id[disk]}"
@@ -234,9 +238,7 @@ class Touching:
         scene, bodies = self.scene, self.bodies
         n, R = len(bodies.id), bodies.radius
         if near is None:
-            at = np.flatnonzero(state.here)
-            found, shift = close_pairs(state.x[at], R[at], state.cell)
-            near = at[found], shift
+            near = _close_pairs_of(state.here, state.x, R, state.cell)
         depth = np.empty(len(near[0]))
         pair_depths(*near, state.x, R, depth)
         kept = np.flatnonzero(depth > 0.0)
@@ -275,6 +277,17 @@ class Touching:
             "unknown": unknown.astype(float),
         }
         return {name: np.bincount(i, values, n).astype(float) for name, values in made.items()}
+
+
+def _close_pairs_of(
+    here: NDArray[np.bool_], x: FloatArray, reach: FloatArray, cell: FloatArray | None
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """`close_pairs` of some bodies, by the numbers of all."""
+    if here.all():
+        return close_pairs(x, reach, cell)
+    at = np.flatnonzero(here)
+    found, shift = close_pairs(x[at], reach[at], cell)
+    return at[found], shift
 
 
 def groups_of(touch: Contacts, values: FloatArray, use: NDArray[np.bool_]) -> Any:
