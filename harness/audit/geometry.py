@@ -18,7 +18,7 @@ EDGES = 24
 
 SMALL = 500
 """Vectors up to which NumPy's own loops are as fast as compiled ones."""
-CELLS = 20
+CELLS = 8
 """Cells of a grid for each body up to which one is used."""
 PAIRS = 4
 """Pairs for each body for which there is memory before they are counted."""

@@ -23,29 +23,17 @@ class SpinChecks(Touching):
     """Checks of `Auditor` on spins and torques."""
 
     def _spin(self, interval: Interval) -> None:
-        from ninedisk.harness.audit.terms import arm_noise, centre_sums, moment_sums, spin_change
+        from ninedisk.harness.audit.terms import spin_change
 
         scene, bodies, tally = self.scene, self.bodies, self.tallies["spin"]
-        b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
+        b, c, _, _, use, touch, dv, ev, hidden, _ = interval
         assert b.omega is not None
         assert c.omega is not None
         m = np.where(use, bodies.mass, 0.0)
         turned, err = np.empty_like(b.omega), np.empty(len(use))
         spin_change(
-            use,
-            b.omega,
-            c.omega,
-            b.eo,
-            c.eo,
-            bodies.mass,
-            bodies.radius,
-            bodies.inertia,
-            bodies.em,
-            bodies.er,
-            hidden,
-            turned,
-            err,
-        )
+            use, b.omega, c.omega, b.eo, c.eo, bodies.mass, bodies.radius, bodies.inertia, bodies.em, bodies.er, hidden, turned, err
+        )  # fmt: skip
         if not scene.frictional and not scene.rolling and scene.damping == 0.0:
             at = np.flatnonzero(use)
             for each in (tally, self.radius_arms):
@@ -57,18 +45,7 @@ class SpinChecks(Touching):
         walls = wall_sets(touch, len(scene.walls))
         size = touch.size
         anchored = touch.held
-        change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
-        arms = np.zeros(len(use))
-        mass, X, V = np.empty(touch.groups), *(np.empty((touch.groups, b.x.shape[1])) for _ in range(2))
-        xi, u = np.empty(b.x.shape[1]), np.empty(b.x.shape[1])
-        for state, sign in ((c, 1.0), (b, -1.0)):
-            centre_sums(use, touch.label, bodies.mass, state.x, state.v, mass, X, V)
-            moment_sums(
-                use, touch.label, bodies.mass, bodies.em, state.x, state.v, state.ex, state.ev, dv, X, V, hidden, sign, xi, u, change,
-                noise, arms,
-            )  # fmt: skip
-        # An engine forms arms out of coordinates: their rounding times the impulses.
-        arm_noise(use, touch.label, bodies.mass, arms, ev, b.ev, c.ev, dv, b.x, c.x, squeeze, h, self.eps, noise)
+        change, noise = self._moments(interval, turned, err)
         free = (walls == 0) & ~anchored & (size > 0)
         tally.skip(
             int((free & touch.across).sum()), "contacts across a periodic edge carry angular momentum through the box"
@@ -116,6 +93,42 @@ class SpinChecks(Touching):
             int(((walls > 0) & (size > 0)).sum() - len(lone)), "several bodies or walls: the walls' torque is not known"
         )
         tally.skip(int((anchored & (size > 0)).sum()), "fixed bodies take angular momentum")
+
+    def _moments(self, interval: Interval, turned: FloatArray, err: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Change of the angular momentum of each group about its centre, and its digits."""
+        from ninedisk.harness.audit.terms import arm_noise, centre_sums, moment_sums
+
+        b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
+        m, em = self.bodies.mass, self.bodies.em
+        change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
+        arms = np.zeros(len(use))
+        mass, X, V = np.empty(touch.groups), *(np.empty((touch.groups, b.x.shape[1])) for _ in range(2))
+        xi, u = np.empty(b.x.shape[1]), np.empty(b.x.shape[1])
+        for state, sign in ((c, 1.0), (b, -1.0)):
+            centre_sums(use, touch.label, m, state.x, state.v, mass, X, V)
+            moment_sums(
+                use,
+                touch.label,
+                m,
+                em,
+                state.x,
+                state.v,
+                state.ex,
+                state.ev,
+                dv,
+                X,
+                V,
+                hidden,
+                sign,
+                xi,
+                u,
+                change,
+                noise,
+                arms,
+            )
+        # An engine forms arms out of coordinates: their rounding times the impulses.
+        arm_noise(use, touch.label, m, arms, ev, b.ev, c.ev, dv, b.x, c.x, squeeze, h, self.eps, noise)
+        return change, noise
 
     def _pairs_alone(self, touch: Contacts, size: NDArray[Any], clear: NDArray[np.int64]) -> dict[int, int]:
         """Group -> its one pair, of groups of two bodies."""

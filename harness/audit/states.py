@@ -37,7 +37,7 @@ class States:
 
     def all(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
         """States in the order of the file; where it has no velocities, with central differences."""
-        made = (self._state(number, frame) for number, frame in enumerate(self.trajectory.frames(progress)))
+        made = self._each(progress)
         first = next(made, None)
         if first is None:
             return
@@ -55,6 +55,15 @@ class States:
                 del window[0]
         if len(window) == 2:
             yield difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
+
+    def _each(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
+        frames = self.trajectory.frames(progress)
+        number = 0
+        while (frame := next(frames, None)) is not None:
+            state = self._state(number, frame)
+            frame = None  # or two would be in memory while the next one is read
+            number += 1
+            yield state
 
     def _state(self, number: int, frame: Frame) -> State:
         """A frame in the order of the first one's ids."""

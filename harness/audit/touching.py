@@ -276,7 +276,7 @@ class Touching:
             "shear": np.nan_to_num(shear, posinf=0.0),
             "unknown": unknown.astype(float),
         }
-        return {name: np.bincount(i, values, n).astype(float) for name, values in made.items()}
+        return {name: np.bincount(i, values, n) for name, values in made.items()}
 
 
 def _close_pairs_of(

@@ -244,6 +244,7 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                     found |= _lengths(dump, values, box)
                 cell = None if box is None else box.edges if boxes else box.cell()
                 yield Frame(step, t, halved(found), place, cell)
+                del values, found  # or two frames would be in memory
                 step, count, t, box = None, None, np.nan, None
             elif text.startswith("ITEM:"):
                 raise UsageError(f"{path}, line {line}: {text.strip()[:60]!r} is no item that is known here")

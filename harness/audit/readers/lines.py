@@ -47,6 +47,7 @@ class Lines:
         self._stream: Any = self._text.buffer
         self._bytes = bytearray(BLOCK)
         self._begin = self._end = 0
+        self._most = ROWS
 
     def __enter__(self) -> Lines:
         return self
@@ -105,7 +106,7 @@ class Lines:
         from ninedisk.harness.audit.readers.decimals import FIVES, TENS, parse_rows
 
         places = np.array([wanted.index(name) if name in wanted else -1 for name in names], dtype=np.int64)
-        out = np.empty((len(wanted), min(count, ROWS)))
+        out = np.empty((len(wanted), min(count, self._most)))
         counts = np.zeros(3, dtype=np.int64)
         done = 0
         while done < count:
@@ -130,6 +131,7 @@ class Lines:
             elif done < out.shape[1] and not self._fill():
                 partial = bool(self.readline())
                 raise BrokenRowsError(done + partial, unended=done + partial == count)
+        self._most = max(ROWS, count)
         return {name: out[place, :count] for place, name in enumerate(wanted)}
 
     def _odd_rows(self, names: Sequence[str], done: int, count: int, most: int) -> dict[str, FloatArray]:
