@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.readers.columns import Frame, Trajectory
 from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.scene import LARGEST, AuditScene, Fact
@@ -81,28 +80,20 @@ class States:
         bodies = self.bodies
         row, doubled, new = _rows_of(bodies.id, here)
         present = row >= 0
-        whole = bool(present.all())
-
-        def column(name: str) -> FloatArray | None:
-            if name not in columns:
-                return None
-            found = columns[name][row]
-            return found if whole else np.where(present, found, np.nan)
-
-        def rounding(name: str, values: FloatArray | None) -> FloatArray:
-            rule = self.trajectory.rounding.get(name, Rounding())
-            if values is None:
-                return np.zeros(len(bodies.id))
-            found = rule.error(np.nan_to_num(values))
-            return np.maximum(found, np.ldexp(np.abs(np.nan_to_num(values)), -24)) if self.scene.single else found
+        single = 2.0**-24 if self.scene.single else 0.0
 
         def vector(names: Sequence[str]) -> tuple[FloatArray | None, FloatArray]:
             """Components side by side and the error of the vector; None where one is not in the file."""
-            parts = [column(name) for name in names]
-            if any(part is None for part in parts):
-                return None, np.zeros(len(bodies.id))
-            errors = [rounding(name, part) for name, part in zip(names, parts, strict=True)]
-            return np.column_stack([part for part in parts if part is not None]), norm(np.column_stack(errors))
+            error = np.zeros(len(bodies.id))
+            if any(name not in columns for name in names):
+                return None, error
+            found = np.empty((len(bodies.id), len(names)))
+            for axis, name in enumerate(names):
+                rule = self.trajectory.rounding.get(name, Rounding())
+                values = np.asarray(columns[name], dtype=float)[row]
+                values[~present] = np.nan
+                rule.place(values, axis, single, found, error)
+            return found, np.sqrt(error, out=error)
 
         space, turns = SPACE[self.scene.dimension], TURNS[self.scene.dimension]
         x, ex = vector(space)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.compile import kernel
 
+LOG2 = math.log10(2.0)
 Ints = NDArray[np.int64]
 Marks = NDArray[np.bool_]
 
@@ -67,3 +70,28 @@ def mark_large(values: FloatArray, most: float, mark: Marks) -> int:
             mark[k] = True
             count += 1
     return count
+
+
+@kernel
+def place_rounded(
+    values: FloatArray, axis: int, unit: float, least: float, powers: FloatArray, decades: FloatArray, factor: float,
+    absolute: float, single: float, found: FloatArray, squares: FloatArray,
+) -> None:  # fmt: skip
+    """Copy numbers to ``found[:, axis]`` and add the squares of the errors of their digits to ``squares``; NaN has that of 0.
+
+    An error is ``factor`` times the largest of ``unit`` times the size before that factor, ``least`` and the entry of its decade in
+    ``decades`` (may be empty; ``powers`` are where they start, and infinity), plus ``absolute``; at least ``single`` times the number.
+    """
+    for k in range(len(values)):
+        value = values[k]
+        found[k, axis] = value
+        value = 0.0 if np.isnan(value) else min(abs(value), 1.7976931348623157e308)
+        size = value / factor
+        error = max(size * unit, least)
+        if len(decades) > 0 and size > 0.0:
+            # The decade of the power of two below, or the next one.
+            decade = int(np.floor((math.frexp(size)[1] - 1) * LOG2)) + 324
+            decade += size >= powers[decade + 1]
+            error = max(error, decades[decade])
+        error = max(factor * error + absolute, single * value)
+        squares[k] += error * error

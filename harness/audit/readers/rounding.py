@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 
+POWERS = np.array([*(float(f"1e{k}") for k in range(-324, 309)), np.inf])
+"""Powers of ten that are float64, 0 before and infinity after them."""
 VARIED = 20
 """Distinct numbers that a column must show for its own digits to count, else the file's most; exact numbers like 0.5 show none."""
 
@@ -42,6 +44,19 @@ class Rounding:
             decade = np.floor(np.log10(np.where(size > 0.0, size, 1.0)))
             found = np.maximum(found, np.where(size > 0.0, 0.5 * 10.0 ** (decade + 1 - self.significant), 0.0))
         return found
+
+    def place(self, values: FloatArray, axis: int, single: float, found: FloatArray, squares: FloatArray) -> None:
+        """Copy values to ``found[:, axis]`` and add the squares of their errors, each at least ``single`` times the number."""
+        from ninedisk.harness.audit.sums import place_rounded
+
+        least, decades = 0.0, np.empty(0)
+        if self.decimals is not None:
+            least = 0.5 * 10.0**-self.decimals
+        elif self.significant is not None:
+            decades = 0.5 * 10.0 ** (np.arange(-324.0, 309.0) + 1 - self.significant)
+        place_rounded(
+            values, axis, 2.0**-self.bits, least, POWERS, decades, self.factor, self.absolute, single, found, squares
+        )
 
     def description(self) -> str:
         """In words."""
