@@ -18,6 +18,7 @@ from ninedisk.harness.audit.kernels import pair_groups
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.readers import lines
 from ninedisk.harness.audit.readers.decimals import FIVES, TENS, parse_rows
+from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.tally import _worst
 
 
@@ -173,3 +174,23 @@ def test_the_largest_ratio_counts_what_is_not_finite() -> None:
     assert _worst(value, allowance)[:3] == (3, 2, 2.0)
     assert _worst(np.array([1.0, np.inf]), np.ones(2))[:2] == (1, 1)
     assert _worst(np.array([0.0, 1.0]), np.zeros(2))[:3] == (1, 1, np.inf)
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        Rounding(significant=6),
+        Rounding(significant=17),
+        Rounding(decimals=4),
+        Rounding(bits=24),
+        Rounding(significant=3, factor=0.5, absolute=1e-9),
+    ],
+)
+def test_errors_of_digits_are_the_same_in_one_pass(rule: Rounding) -> None:
+    rng = np.random.default_rng(3)
+    powers = np.array([float(f"1e{k}") for k in range(-30, 31)])
+    values = np.concatenate([rng.normal(size=300), powers, -powers, 0.999999 * powers, [0.0, np.nan]])
+    found, squares = np.empty((len(values), 3)), np.zeros(len(values))
+    rule.place(values, 1, 0.0, found, squares)
+    assert np.array_equal(found[:, 1], values, equal_nan=True)
+    np.testing.assert_allclose(np.sqrt(squares), rule.error(np.nan_to_num(values)), rtol=1e-14)
