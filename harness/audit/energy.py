@@ -25,7 +25,6 @@ class EnergyChecks(Touching):
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
         size = touch.size
         walls = wall_sets(touch, len(scene.walls))
-        touched = np.bincount(touch.label, np.where(use, touch.degree, 0), touch.groups) > 0
         gain, fall = np.zeros(touch.groups), np.zeros(touch.groups)
         parts = {
             name: np.zeros(touch.groups)
@@ -39,14 +38,14 @@ class EnergyChecks(Touching):
         )  # fmt: skip
         blind = np.zeros(touch.groups, dtype=bool)
         before = np.zeros(touch.groups, dtype=bool)
-        for state, sign in ((c, 1.0), (b, -1.0)):
-            store = self._spring_energies(state, mu)
-            gain += sign * groups_of(touch, store["normal"], use)
-            parts["digits"] += groups_of(touch, self._body_energies(state)[1] + store["error"], use)
-            blind |= groups_of(touch, store["unknown"], use) > 0
-            if state is b:
-                before = groups_of(touch, store["unknown"], use) > 0
-                parts["shear springs"] += groups_of(touch, store["shear"], use)
+        last, now = (self._spring_energies(state, mu) for state in (b, c))
+        gain += groups_of(touch, now["normal"] - last["normal"], use)
+        parts["digits"] += groups_of(
+            touch, self._body_energies(c)[1] + now["error"] + self._body_energies(b)[1] + last["error"], use
+        )
+        parts["shear springs"] += groups_of(touch, last["shear"], use)
+        before[touch.label[use & (last["unknown"] > 0.0)]] = True
+        blind[touch.label[use & (last["unknown"] + now["unknown"] > 0.0)]] = True
         if b.omega is not None and c.omega is not None:
             turned = np.abs(norm(c.omega) ** 2 - norm(b.omega) ** 2)
             parts["digits"] += groups_of(touch, bodies.inertia * turned * bodies.er / bodies.radius, use)
@@ -61,12 +60,9 @@ class EnergyChecks(Touching):
             speed = np.maximum((b.v[on] ** 2).sum(1), (c.v[on] ** 2).sum(1))
             stiff = np.array([each or 0.0 for each in scene.wall_kn])[w] if len(on) else np.zeros(0)
             parts["springs' step"] += np.bincount(touch.label[on], stiff * speed * dt * dt / 8.0, touch.groups)
-        if b.omega is None and scene.frictional:
-            blind |= touched
-            before |= touched
-        if scene.cohesive:
-            blind |= touched
-            before |= touched
+        touched = touch.label[use & (touch.degree > 0)]
+        if scene.cohesive or (b.omega is None and scene.frictional):
+            blind[touched] = before[touched] = True
         anchored = touch.held
         moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
@@ -82,7 +78,7 @@ class EnergyChecks(Touching):
         real = size > 0
         judged = np.flatnonzero(real & ~before & ~unknown_work)
         who, members = self._group_words(touch, judged, use)
-        shown = {name: part[judged] for name, part in parts.items()}
+        shown = {name: part[judged] if part.any() else np.zeros(1) for name, part in parts.items()}
         tally.judge(c, gain[judged], shown, who, members)
         tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: give kn (and ks), or rigid = true"
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
@@ -97,7 +93,7 @@ class EnergyChecks(Touching):
                 c, -gain[still], {name: part[still] for name, part in parts.items()}, who, members
             )
             self.tallies["kept"].skip(int(real.sum()) - len(still), "springs of unknown stiffness, or moving walls")
-        if (real & unknown_work).any() or (scene.cohesive and touched.any()) or (b.omega is None and scene.frictional):
+        if (real & unknown_work).any() or (scene.cohesive and len(touched)) or (b.omega is None and scene.frictional):
             return None
         return {"work": float(parts["walls' work"].sum()), "order": float(parts["springs' step"].sum())}
 

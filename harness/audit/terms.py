@@ -6,6 +6,8 @@ of each body, ``use`` (n,) whether it counts.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,7 +23,7 @@ def _length(vectors: FloatArray, k: int) -> float:
     square = 0.0
     for axis in range(vectors.shape[1]):
         square += vectors[k, axis] * vectors[k, axis]
-    return np.sqrt(square)
+    return math.sqrt(square)
 
 
 @kernel
@@ -162,14 +164,14 @@ def energy_sums(
 
 
 @inline_kernel
-def _add_moment(arm: FloatArray, way: FloatArray, factor: float, found: FloatArray) -> None:
-    """Add ``factor`` times the moment of ``way`` at ``arm``."""
+def _add_moment(arm: FloatArray, vector: FloatArray, factor: float, found: FloatArray) -> None:
+    """Add ``factor`` times the moment of ``vector`` at ``arm``."""
     if len(arm) == 2:
-        found[0] += factor * (arm[0] * way[1] - arm[1] * way[0])
+        found[0] += factor * (arm[0] * vector[1] - arm[1] * vector[0])
     else:
-        found[0] += factor * (arm[1] * way[2] - arm[2] * way[1])
-        found[1] += factor * (arm[2] * way[0] - arm[0] * way[2])
-        found[2] += factor * (arm[0] * way[1] - arm[1] * way[0])
+        found[0] += factor * (arm[1] * vector[2] - arm[2] * vector[1])
+        found[1] += factor * (arm[2] * vector[0] - arm[0] * vector[2])
+        found[2] += factor * (arm[0] * vector[1] - arm[1] * vector[0])
 
 
 @kernel

@@ -80,7 +80,7 @@ class Touching:
         self._start: dict[str, Any] | None = None
         self._growth: list[tuple[float, float]] = []
         self._least: dict[str, Any] | None = None
-        self._cache: dict[int, Any] = {}
+        self._cache: dict[int, tuple[State | None, dict[str, Any]]] = {}
         self._ways = np.zeros(2)
         self._lag = np.zeros(3)
         self._clear: NDArray[np.bool_] | None = None
@@ -108,20 +108,22 @@ class Touching:
             i, j, depth, kn, _ = self._overlaps(state)
             force = np.nan_to_num(kn) * depth
             disks = j < n
-            return np.asarray(np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n))
+            return (
+                np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n) + 0.0
+            )  # of none NumPy counts in integers
 
         found = [self._once(state, "forces", partial(made, state)) for state in states]
         return np.asarray(found[0] if len(found) == 1 else np.maximum(*found))
 
     def _once(self, state: State, what: str, made: Callable[[], Any]) -> Any:
         """What is made of a state alone; kept for as long as the state is needed."""
-        kept = self._cache.get(id(state))
-        if kept is None or kept[0] is not state:
-            kept = state, {}
-            self._cache = dict(list(self._cache.items())[-1:]) | {id(state): kept}
-        if what not in kept[1]:
-            kept[1][what] = made()
-        return kept[1][what]
+        owner, found = self._cache.get(id(state), (None, {}))
+        if owner is not state:
+            found = {}
+            self._cache = dict(list(self._cache.items())[-1:]) | {id(state): (state, found)}
+        if what not in found:
+            found[what] = made()
+        return found[what]
 
     def _resolved_disks(
         self, b: State, c: State, use: NDArray[np.bool_], touch: Contacts, h: float, dt: float
@@ -276,7 +278,7 @@ class Touching:
             "shear": np.nan_to_num(shear, posinf=0.0),
             "unknown": unknown.astype(float),
         }
-        return {name: np.bincount(i, values, n) for name, values in made.items()}
+        return {name: np.asarray(np.bincount(i, values, n), dtype=float) for name, values in made.items()}
 
 
 def _close_pairs_of(

@@ -164,7 +164,7 @@ def parse_rows(
                 while at < end and raw[at] >= 48 and raw[at] <= 57:
                     some = True
                     if exponent < 10000:
-                        exponent = 10 * exponent + np.int64(raw[at] - 48)
+                        exponent = 10 * exponent + int(raw[at] - 48)
                     at += 1
                 q += -exponent if below else exponent
             if at >= end:

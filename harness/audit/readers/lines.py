@@ -43,8 +43,8 @@ class Lines:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.number = self.done = 0
-        self._text = open_file(path)
-        self._stream: Any = self._text.buffer
+        self._text: Any = open_file(path)
+        self._stream = self._text.buffer
         self._bytes = bytearray(BLOCK)
         self._begin = self._end = 0
         self._most = ROWS
