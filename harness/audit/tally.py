@@ -59,6 +59,26 @@ class State:
     torque: FloatArray | None = None
     eq: FloatArray = field(default_factory=lambda: np.empty(0))
 
+    def places(self) -> State:
+        """Places alone, for a picture: the rest would stay in memory."""
+        none = np.empty(0)
+        return State(
+            self.step,
+            self.t,
+            self.et,
+            self.place,
+            self.x,
+            none,
+            None,
+            None,
+            none,
+            none,
+            none,
+            none,
+            self.here,
+            self.cell,
+        )
+
 
 @dataclass(frozen=True)
 class Bodies:
@@ -148,7 +168,7 @@ class Tally:
             if lost and self.first is None:
                 self.first = given
             if worse:
-                self.worst, self.scene = given, state if largest > 1.0 else None
+                self.worst, self.scene = given, state.places() if largest > 1.0 else None
 
 
 def _worst(value: FloatArray, allowance: FloatArray) -> tuple[int, int, float, FloatArray, FloatArray]:

@@ -31,7 +31,7 @@ def interval_terms(
     x0: FloatArray, x1: FloatArray, v0: FloatArray, v1: FloatArray, h: float, damping: float, g: FloatArray,
     dv: FloatArray, r: FloatArray, speed: FloatArray, far: FloatArray, lag: FloatArray,
 ) -> None:  # fmt: skip
-    """Change of velocity beyond gravity and damping, way beyond the mean velocity, larger speed and distance, damping times the change."""
+    """Change of velocity beyond gravity and damping, displacement beyond the mean velocity, larger speed and distance, damping's share."""
     for k in range(len(x0)):
         jump = 0.0
         for axis in range(x0.shape[1]):
@@ -83,7 +83,7 @@ def clock_sums(
     x0: FloatArray, x1: FloatArray, v0: FloatArray, v1: FloatArray, r: FloatArray, ex: FloatArray, h: float, use: Marks, met: Marks,
     found: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to ``found`` (5,): way times what velocities say, that squared; of free bodies r times the jump, its square, digits squared."""
+    """Add to ``found`` (5,): displacement times h v, (h v)^2; of free bodies r times the change of velocity, its square, digits squared."""
     for k in range(len(x0)):
         if not use[k]:
             continue

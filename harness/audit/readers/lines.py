@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class Lines:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.number = self.done = 0
-        self._text: Any = open_file(path)
+        self._text = cast(Any, open_file(path))
         self._stream = self._text.buffer
         self._bytes = bytearray(BLOCK)
         self._begin = self._end = 0
