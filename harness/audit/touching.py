@@ -108,9 +108,8 @@ class Touching:
             i, j, depth, kn, _ = self._overlaps(state)
             force = np.nan_to_num(kn) * depth
             disks = j < n
-            return (
-                np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n) + 0.0
-            )  # of none NumPy counts in integers
+            # Of no contacts NumPy counts in integers.
+            return np.asarray(np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n), dtype=float)
 
         found = [self._once(state, "forces", partial(made, state)) for state in states]
         return np.asarray(found[0] if len(found) == 1 else np.maximum(*found))
