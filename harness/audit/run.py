@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     auditor: Auditor | None = None
     kept: list[State] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for state in _guarded_states(trajectory.path, states.all(progress)):
+        for state in _guarded_states(trajectory.path, _ahead(states.all(progress))):
             if auditor is None:
                 assert states.bodies is not None
                 auditor = Auditor(
@@ -94,6 +95,20 @@ def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
         yield from states
     except (EOFError, OSError, zlib.error) as error:
         raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
+
+
+def _ahead(states: Iterator[State]) -> Iterator[State]:
+    """The same states in the same order; a thread makes the next one while one is judged."""
+
+    def following() -> State | None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return next(states, None)
+
+    with ThreadPoolExecutor(1) as pool:
+        made = pool.submit(following)
+        while (state := made.result()) is not None:
+            made = pool.submit(following)
+            yield state
 
 
 def _without_walls(tally: Tally) -> Tally:

@@ -60,6 +60,7 @@ FORMS = (
 )
 VECTORS = tuple(f"{name}{axis}" for name in ("fs", "fn", "n") for axis in "xyz")
 """Vectors of a contact: shear force, normal force, normal."""
+NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
 SAMPLED_LINES = 600
 """Lines of each of these places that are looked at."""
 SAMPLED = 1 << 18
@@ -291,8 +292,9 @@ def sample_roundings(
                 here = wanted.get(name)
                 if (
                     here is not None
-                    and len(tokens[here].seen) < 5000
-                    and re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", word)
+                    and word not in (seen := tokens[here].seen)
+                    and len(seen) < 5000
+                    and NUMBER.fullmatch(word)
                 ):
-                    tokens[here].seen.add(word.strip())
+                    seen.add(word.strip())
     return roundings_of(tokens)

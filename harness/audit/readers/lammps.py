@@ -18,11 +18,11 @@ from ninedisk.harness.audit.readers.columns import (
     column_names,
     halved,
     halved_rounding,
-    numbers_of,
     open_file,
     require,
     sample_roundings,
 )
+from ninedisk.harness.audit.readers.lines import BrokenRowsError, Lines
 from ninedisk.harness.audit.readers.rounding import Rounding
 
 MIXED_UNITS = {
@@ -183,21 +183,20 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
     """Frames one after the other; ``boxes``: their edges instead of the periodic ones."""
     path, names = dump.path, dump.names
     size = path.stat().st_size
-    line = done = number = 0
+    wanted = [*dump.found, *dump.scaled]
+    number = 0
     step: int | None = None
     count: int | None = None
     t = np.nan
     box: Box | None = None
-    with open_file(path) as stream:
+    with Lines(path) as lines:
 
         def one() -> str:
-            nonlocal line, done
-            text = stream.readline()
-            line += 1
-            done += len(text)
+            text = lines.readline()
             if not text:
                 raise UsageError(
-                    f"{path}, line {line}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
+                    f"{path}, line {lines.number + 1}: the file ends within the head of frame {number + 1}: cut off; cut the file before "
+                    "that frame"
                 )
             return text
 
@@ -209,11 +208,12 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                     return int(value)
             except (ValueError, OverflowError):
                 pass
-            raise UsageError(f"{path}, line {line}, frame {number + 1}: {text[:40]!r} is no {what}, a whole number")
+            raise UsageError(
+                f"{path}, line {lines.number}, frame {number + 1}: {text[:40]!r} is no {what}, a whole number"
+            )
 
-        while text := stream.readline():
-            line += 1
-            done += len(text)
+        while text := lines.readline():
+            line = lines.number
             if text.startswith("ITEM: TIMESTEP"):
                 step = whole("step")
             elif text.startswith("ITEM: TIME"):
@@ -221,11 +221,13 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                 try:
                     t = float(given)
                 except ValueError as error:
-                    raise UsageError(f"{path}, line {line}, frame {number + 1}: {given[:40]!r} is no time") from error
+                    raise UsageError(
+                        f"{path}, line {line + 1}, frame {number + 1}: {given[:40]!r} is no time"
+                    ) from error
             elif text.startswith("ITEM: NUMBER OF"):
                 count = whole("number of rows")
                 if count < 0:
-                    raise UsageError(f"{path}, line {line}, frame {number + 1}: {count} rows: it must be >= 0")
+                    raise UsageError(f"{path}, line {line + 1}, frame {number + 1}: {count} rows: it must be >= 0")
             elif text.startswith("ITEM: BOX BOUNDS"):
                 head, where = text, f"{path}, line {line + 1}, frame {number + 1}"
                 box = Box(head, [one() for _ in range(3)], where)
@@ -242,22 +244,11 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                         f"{path}, line {line}, frame {number + 1}: rows without 'ITEM: {lacking}' before them: the frame's head is cut off"
                     )
                 begin = line + 1
-                lines = list(islice(stream, count))
-                line += len(lines)
-                done += sum(map(len, lines))
-                short = next((k for k, row in enumerate(lines) if row.startswith("ITEM:")), len(lines))
-                if short < count:
-                    raise UsageError(
-                        f"{path}, line {begin + short}: frame {number + 1} (step {step}) ends after {short} of {count} lines: cut off; "
-                        f"cut the file before line {begin - 1}"
-                    )
-                if lines and not lines[-1].endswith("\n"):
-                    raise UsageError(
-                        f"{path}, line {line}: the last line of frame {number + 1} (step {step}) has no end: cut off; cut the file before "
-                        f"line {begin - 1}, or end the line if it is whole"
-                    )
-                values = numbers_of(lines, names, None, path, begin) if lines else {name: np.empty(0) for name in names}
-                progress(done >> 10, size >> 10, f"kB read, step {step}")
+                try:
+                    values = lines.rows(count, names, wanted)
+                except BrokenRowsError as error:
+                    raise _broken(path, error, f"frame {number + 1} (step {step})", begin, count) from error
+                progress(lines.done >> 10, size >> 10, f"kB read, step {step}")
                 number += 1
                 found = {here: values[name] for name, here in dump.found.items()}
                 place = f"frame {number}, line {begin}"
@@ -267,6 +258,7 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                     found |= lengths_of_shares(dump, values, box)
                 cell = None if box is None else box.edges if boxes else box.cell()
                 yield Frame(step, t, halved(found), place, cell)
+                del values, found  # or two frames would be in memory
                 step, count, t, box = None, None, np.nan, None
             elif text.startswith("ITEM:"):
                 raise UsageError(f"{path}, line {line}: {text.strip()[:60]!r} is no item that is known here")
@@ -277,8 +269,21 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                 )
     if count is not None or step is not None:
         raise UsageError(
-            f"{path}, line {line}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
+            f"{path}, line {lines.number}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
         )
+
+
+def _broken(path: Path, error: BrokenRowsError, frame: str, begin: int, count: int) -> UsageError:
+    """In words: rows of a frame that are not all there."""
+    line = begin + error.read
+    if error.unended:
+        return UsageError(
+            f"{path}, line {line - 1}: the last line of {frame} has no end: cut off; cut the file before line {begin - 1}, or end the "
+            "line if it is whole"
+        )
+    return UsageError(
+        f"{path}, line {line}: {frame} ends after {error.read} of {count} lines: cut off; cut the file before line {begin - 1}"
+    )
 
 
 def lengths_of_shares(dump: DumpColumns, values: Mapping[str, FloatArray], box: Box) -> dict[str, FloatArray]:
