@@ -100,6 +100,25 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
     return True
 
 
+@inline_kernel
+def enter_pair(
+    i: int, j: int, listed: NDArray[np.uint32], old: NeighbourList, new: NeighbourList, k: int
+) -> None:
+    """Make the disks i and j the listed pair k, with the history that it has in the old list."""
+    bends = new.bending.shape[0] > 0
+    new.other[k] = j
+    new.shear[k] = 0.0
+    if bends:
+        new.bending[k] = 0.0
+    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
+    for o in range(old.start[a], old.start[a + 1]):
+        if old.other[o] == b:
+            new.shear[k] = old.shear[o]
+            if bends:
+                new.bending[k] = old.bending[o] if a == listed[i] else -old.bending[o]
+            break
+
+
 @kernel
 def build_pairs(
     x: NDArray[np.float64],
@@ -138,7 +157,6 @@ def build_pairs(
     n = x.shape[0]
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
     capacity, k = new.other.shape[0], 0
-    bends = new.bending.shape[0] > 0
     new.start[0] = 0
     for i in range(n):
         c = cells.cell[i]
@@ -155,17 +173,7 @@ def build_pairs(
                 if dx * dx + dy * dy < limit * limit:
                     if k == capacity:
                         return PAIRS_FULL
-                    new.other[k] = j
-                    new.shear[k] = 0.0
-                    if bends:
-                        new.bending[k] = 0.0
-                    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
-                    for o in range(old.start[a], old.start[a + 1]):
-                        if old.other[o] == b:
-                            new.shear[k] = old.shear[o]
-                            if bends:
-                                new.bending[k] = old.bending[o] if a == listed[i] else -old.bending[o]
-                            break
+                    enter_pair(i, j, listed, old, new, k)
                     k += 1
         new.start[i + 1] = k
     return OK
