@@ -98,5 +98,3 @@ def halve_to_room(levels: Levels, k: int) -> None:
     while count[0] * count[1] * count[2] > levels.room[k]:
         largest = int(np.argmax(count))
         count[largest] = max(1, count[largest] // 2)
-
-

@@ -101,9 +101,7 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
 
 
 @inline_kernel
-def enter_pair(
-    i: int, j: int, listed: NDArray[np.uint32], old: NeighbourList, new: NeighbourList, k: int
-) -> None:
+def enter_pair(i: int, j: int, listed: NDArray[np.uint32], old: NeighbourList, new: NeighbourList, k: int) -> None:
     """Make the disks i and j the listed pair k, with the history that it has in the old list."""
     bends = new.bending.shape[0] > 0
     new.other[k] = j

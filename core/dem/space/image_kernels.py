@@ -159,9 +159,7 @@ def image_of(old: Contacts, i: int, j: int, along: Floats) -> int:
 @inline_kernel
 def is_listed_image(shift: Floats) -> bool:
     """Whether a sphere and its own image so many edges away are listed: of ``s`` and ``-s`` one is."""
-    return bool(
-        shift[0] > 0.0 or (shift[0] == 0.0 and (shift[1] > 0.0 or (shift[1] == 0.0 and shift[2] > 0.0)))
-    )
+    return bool(shift[0] > 0.0 or (shift[0] == 0.0 and (shift[1] > 0.0 or (shift[1] == 0.0 and shift[2] > 0.0))))
 
 
 @inline_kernel
