@@ -40,13 +40,13 @@ def set_shifts(levels: Levels, width: float, skin: float) -> int:
 @inline_kernel
 def first_cell(position: float, reach: float, width: float) -> int:
     """First cell along an axis within reach of a position above the lower corner [m], at least 0."""
-    return max(int(floor((position - reach) / width - MARGIN)), 0)
+    return max(floor((position - reach) / width - MARGIN), 0)
 
 
 @inline_kernel
 def last_cell(position: float, reach: float, width: float, count: int) -> int:
     """Last cell within reach, at most the last one."""
-    return min(int(floor((position + reach) / width + MARGIN)), count - 1)
+    return min(floor((position + reach) / width + MARGIN), count - 1)
 
 
 @kernel

@@ -226,7 +226,10 @@ def list_image_levels(
     old: Contacts,
     new: Contacts,
 ) -> bool:
-    """`ninedisk.core.dem.space.image_kernels.list_images` for spheres of many sizes. The row of a pair of two levels is its smaller sphere."""
+    """`ninedisk.core.dem.space.image_kernels.list_images` for spheres of many sizes.
+
+    The row of a pair of two levels is its smaller sphere.
+    """
     radius, h, home, shift = state.radius, images.now, images.home, images.scratch
     face_distances(h, shift)
     apart_x, apart_y, apart_z = shift[0], shift[1], shift[2]
@@ -246,9 +249,9 @@ def list_image_levels(
                 reach / apart_y * ny + MARGIN,
                 reach / apart_z * nz + MARGIN,
             )
-            for bz in range(int(floor(pz - mz)), int(floor(pz + mz)) + 1):
-                for by in range(int(floor(py - my)), int(floor(py + my)) + 1):
-                    for bx in range(int(floor(px - mx)), int(floor(px + mx)) + 1):
+            for bz in range(floor(pz - mz), floor(pz + mz) + 1):
+                for by in range(floor(py - my), floor(py + my) + 1):
+                    for bx in range(floor(px - mx), floor(px + mx) + 1):
                         az, ay, ax = bz // nz, by // ny, bx // nx
                         at = box_number(levels, level, bx - ax * nx, by - ay * ny, bz - az * nz)
                         for m in range(levels.start[at], levels.start[at + 1]):

@@ -102,8 +102,10 @@ class Scheme(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread; the forces of
-    ``block`` spheres are found before they are kicked."""
+    """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread.
+
+    The forces of ``block`` spheres are found before they are kicked.
+    """
 
     target: int
     at_once: int

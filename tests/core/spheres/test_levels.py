@@ -1,4 +1,4 @@
-"""Lists of spheres of many sizes (`ninedisk.core.dem.levels`): against brute force, memory across rebuilds, bits, no limit of neighbours."""
+"""Lists of spheres of many sizes (`ninedisk.core.dem.levels`): brute force, memory across rebuilds, bits, thousands of neighbours."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from ninedisk.core import Numerics, PlaneWall, Spheres, SphereScene
 from ninedisk.core.dem.levels import level_limits, levels_of
+from ninedisk.core.dem.space import session as sessions
 from ninedisk.core.dem.space import state as columns
 from ninedisk.core.dem.space.arrays import empty_list, image_arrays, law_row, vector_rows, xyz_rows
 from ninedisk.core.dem.space.level_kernels import (
@@ -22,7 +23,6 @@ from ninedisk.core.dem.space.level_kernels import (
     list_level_pairs,
     sort_into_image_levels,
 )
-from ninedisk.core.dem.space import session as sessions
 from ninedisk.core.dem.space.neighbour_kernels import Materials
 from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.dem.space.state import Contacts, State
