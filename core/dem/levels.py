@@ -99,6 +99,24 @@ def levels_of(radius: FloatArray, dimension: int) -> Levels | None:
     )
 
 
+def no_levels() -> Levels:
+    """What disks of one grid have for levels."""
+    none, zeros = np.zeros(0), np.zeros(0, dtype=np.int64)
+    return Levels(
+        widest=none,
+        room=zeros,
+        base=zeros,
+        width=none,
+        count=np.zeros((0, 3), dtype=np.int64),
+        shift=zeros,
+        low=none,
+        axes=zeros,
+        start=np.zeros(0, dtype=np.int32),
+        order=np.zeros(0, dtype=np.uint32),
+        cell=np.zeros(0, dtype=np.int32),
+    )
+
+
 def size_of_skins(radius: FloatArray, levels: Levels | None) -> float:
     """Radius that skins are measured by [m]: the mean, with levels the harmonic one.
 

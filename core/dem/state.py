@@ -208,6 +208,8 @@ class Lists(NamedTuple):
     spare, wall_spare : NeighbourList
         Where a rebuild puts the new lists before it copies them.
     cells : Cells
+    levels : Levels
+        None of them, shape (0,), where one grid serves all disks.
     """
 
     pairs: NeighbourList
@@ -215,6 +217,7 @@ class Lists(NamedTuple):
     spare: NeighbourList
     wall_spare: NeighbourList
     cells: Cells
+    levels: Levels
 
 
 class WallArrays(NamedTuple):
@@ -354,7 +357,7 @@ class StepConstants(NamedTuple):
     first, kick : Kick
         The half kick from ``t_0`` to ``t_{1/2}``, and all later ones.
     radius : float
-        Mean radius [m].
+        Radius that skins are measured by (`ninedisk.core.dem.levels.size_of_skins`) [m].
     widest : float
         Largest radius [m].
     first_skin, least_skin, most_skin : float

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from math import floor
+from math import floor, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.level_kernels import (
+    MARGIN,
     box_number,
     first_cell,
+    halve_to_room,
     last_cell,
     level_of,
     merge_stripes,
     set_bases,
     set_shifts,
 )
+from ninedisk.core.dem.plane.image_kernels import XX, XY, YY, carried
 from ninedisk.core.dem.plane.neighbour_kernels import enter_pair, order_by_cell
-from ninedisk.core.dem.state import OK, PAIRS_FULL, Cells, Levels, NeighbourList, Team
+from ninedisk.core.dem.state import OK, PAIRS_FULL, Cells, Images, Levels, NeighbourList, Team
 
 
 @kernel
@@ -104,15 +107,13 @@ def build_level_pairs(
     radius: NDArray[np.float64],
     skin: float,
     levels: Levels,
-    in_order: bool,
     listed: NDArray[np.uint32],
     old: NeighbourList,
     new: NeighbourList,
 ) -> int:
     """`ninedisk.core.dem.plane.neighbour_kernels.build_pairs` for disks of many sizes.
 
-    The row of a pair of two levels is its smaller disk, that of a pair of one level the one with the lower number. Disks in order
-    (`sort_for_memory`) have the larger one behind the smaller.
+    Disks are in order (`sort_for_memory`): the larger one of a pair of two levels is behind the smaller.
     """
     k = 0
     new.start[0] = 0
@@ -123,8 +124,8 @@ def build_level_pairs(
             width, count = levels.width[level], levels.count[level]
             reach = radius[i] + levels.widest[level] + skin
             first, last = first_cell(px, reach, width), last_cell(px, reach, width, count[0])
-            # The finest rows follow each other as disks in order do.
-            lowest = row_of(x, i, levels, 0) if in_order and level == 0 else first_cell(py, reach, width)
+            # The finest rows follow each other as disks do.
+            lowest = row_of(x, i, levels, 0) if level == 0 else first_cell(py, reach, width)
             for row in range(lowest, last_cell(py, reach, width, count[1]) + 1):
                 at = box_number(levels, level, 0, row, 0)
                 for m in range(levels.start[at + first], levels.start[at + last + 1]):
@@ -150,3 +151,97 @@ def fit_stripes(pairs: NeighbourList, team: Team) -> None:
         border[s] = min(max(stripe[s], far + 1), stripe[s + 1])
         for k in range(pairs.start[stripe[s]], pairs.start[stripe[s + 1]]):
             far = max(far, int(pairs.other[k]))
+
+
+@inline_kernel
+def place_in_cell(x: NDArray[np.float64], i: int, images: Images, lean: float) -> tuple[float, float]:
+    """Shares of the edges along and across by which a disk, put back into a periodic cell, is in it."""
+    up = x[i, 1] / images.now[YY]
+    return (x[i, 0] - lean * up) / images.now[XX] - images.home[i, 0], up - images.home[i, 1]
+
+
+@inline_kernel
+def column_height(images: Images, lean: float) -> float:
+    """Height of a periodic cell over its second edge, which leans by so much [m]."""
+    a, b = images.now[XX], images.now[YY]
+    return float(a * b / sqrt(b * b + lean * lean))
+
+
+@kernel
+def sort_into_image_levels(
+    x: NDArray[np.float64], radius: NDArray[np.float64], skin: float, images: Images, tilt: float, levels: Levels
+) -> None:
+    """Counting sort of the disks of a periodic cell, each into the grid of its level along the cell's edges.
+
+    `ninedisk.core.dem.plane.image_kernels.sort_into_images` has put them back into the cell and found the tilt.
+    """
+    lean = images.now[XY] - tilt * images.now[XX]
+    height = column_height(images, lean)
+    for k in range(levels.widest.shape[0]):
+        levels.width[k] = 2.0 * levels.widest[k] + skin
+        levels.count[k, 0] = max(1, int(min(height / levels.width[k], 1e6)))
+        levels.count[k, 1] = max(1, int(min(images.now[YY] / levels.width[k], 1e6)))
+        halve_to_room(levels, k)
+    total = set_bases(levels)
+    for i in range(x.shape[0]):
+        k = level_of(levels, radius[i])
+        along, up = place_in_cell(x, i, images, lean)
+        columns, rows = levels.count[k, 0], levels.count[k, 1]
+        column, row = min(int(along * columns), columns - 1), min(int(up * rows), rows - 1)
+        levels.cell[i] = box_number(levels, k, column, row, 0)
+    order_by_cell(levels, x.shape[0], total)
+
+
+@kernel
+def build_image_level_pairs(
+    x: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    skin: float,
+    images: Images,
+    tilt: float,
+    levels: Levels,
+    listed: NDArray[np.uint32],
+    old: NeighbourList,
+    new: NeighbourList,
+) -> int:
+    """`ninedisk.core.dem.plane.image_kernels.build_image_pairs` for disks of many sizes.
+
+    The row of a pair of two levels is its smaller disk, whatever their order: all disks are one stripe, which is kicked at the end.
+    """
+    now, home = images.now, images.home
+    lean = now[XY] - tilt * now[XX]
+    height, k = column_height(images, lean), 0
+    new.start[0] = 0
+    for i in range(x.shape[0]):
+        own = level_of(levels, radius[i])
+        share_along, share_up = place_in_cell(x, i, images, lean)
+        for level in range(own, levels.widest.shape[0]):
+            nx, ny = levels.count[level, 0], levels.count[level, 1]
+            reach = radius[i] + levels.widest[level] + skin
+            # Places in cells along the edges, and how many cells are within reach.
+            px, mx = share_along * nx, reach / height * nx + MARGIN
+            py, my = share_up * ny, reach / now[YY] * ny + MARGIN
+            for r in range(floor(py - my), floor(py + my) + 1):
+                up = r // ny
+                for c in range(floor(px - mx), floor(px + mx) + 1):
+                    aside = c // nx
+                    at = box_number(levels, level, c - aside * nx, r - up * ny, 0)
+                    for m in range(levels.start[at], levels.start[at + 1]):
+                        j = int(levels.order[m])
+                        across = up + home[i, 1] - home[j, 1]
+                        along = aside + home[i, 0] - home[j, 0] - tilt * across
+                        beyond = across > 0.0 or (across == 0.0 and along > 0.0)
+                        if level == own and (j < i or (j == i and not beyond)):
+                            continue
+                        dx = x[j, 0] - x[i, 0] + (now[XX] * along + now[XY] * across)
+                        dy = x[j, 1] - x[i, 1] + now[YY] * across
+                        limit = radius[i] + radius[j] + skin
+                        if dx * dx + dy * dy < limit * limit:
+                            if k == new.other.shape[0]:
+                                return PAIRS_FULL
+                            new.other[k] = j
+                            images.spare[2 * k], images.spare[2 * k + 1] = along, across
+                            new.shear[k] = carried(old, images.shift, int(listed[i]), int(listed[j]), along, across)
+                            k += 1
+        new.start[i + 1] = k
+    return OK

@@ -1,4 +1,4 @@
-"""Kernels of the contact search and its rebuild: cell list, half neighbour list with a skin, disks near walls, order of the disks, stripes.
+"""Kernels of the contact search: cell list, half neighbour list with a skin, disks near walls, order of the disks, stripes.
 
 The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``other[start[i]:start[i+1]]``, beside
 each the shear force of that contact. Lists are built in the order of the disks, so the same input gives the same bits.
@@ -13,15 +13,12 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.state import (
-    NOT_FINITE,
     OK,
     PAIRS_FULL,
     WALL_PAIRS_FULL,
     Cells,
     DiskArrays,
-    Lists,
     NeighbourList,
-    StepConstants,
     Team,
     WallArrays,
 )
@@ -377,32 +374,3 @@ def copy_list(source: NeighbourList, target: NeighbourList) -> None:
     if source.bending.shape[0] > 0:
         for k in range(source.start[rows - 1]):
             target.bending[k] = source.bending[k]
-
-
-@kernel
-def rebuild(disks: DiskArrays, walls: WallArrays, lists: Lists, team: Team, step: StepConstants, skin: float) -> int:
-    """Rebuild both lists with this skin [m], their history carried over; forces and torques are zero afterwards.
-
-    Returns
-    -------
-    int
-        OK, PAIRS_FULL, WALL_PAIRS_FULL or NOT_FINITE; on any but OK the lists in use are untouched.
-    """
-    pairs, wall_pairs, spare, wall_spare, cells = lists
-    if not sort_into_cells(disks.x, 2.0 * step.widest + skin, cells):
-        return NOT_FINITE
-    if step.sorted:
-        put_in_order(disks, cells)
-    for i in range(disks.torque.shape[0]):
-        disks.torque[i] = 0.0
-    code = build_pairs(disks.x, disks.radius, skin, cells, step.sorted, disks.listed, pairs, spare)
-    if code != OK:
-        return code
-    code = build_wall_pairs(disks.x, disks.radius, skin, walls.now, disks.listed, disks.torque, wall_pairs, wall_spare)
-    if code != OK:
-        return code
-    copy_list(spare, pairs)
-    copy_list(wall_spare, wall_pairs)
-    divide(disks.x.shape[0], cells, team)
-    mark_built(disks, walls)
-    return OK
