@@ -312,3 +312,30 @@ def test_a_periodic_run_is_that_with_one_grid(monkeypatch: pytest.MonkeyPatch) -
     assert levels.stress is not None
     np.testing.assert_allclose(levels.stress, one.stress, rtol=1e-9, atol=1e-6)
     same_run(levels, one)
+
+
+@pytest.mark.long
+def test_a_large_sphere_that_touches_thousands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No number of neighbours is too many; loads add up to the momentum that the small ones lose, with any number of threads."""
+    monkeypatch.setattr(sessions, "SORT_FROM", 1)
+    n, small, ratio = 6000, 0.01, 60.0
+    k = np.arange(n) + 0.5
+    polar, turn = np.arccos(1.0 - 2.0 * k / n), np.pi * (1.0 + 5.0**0.5) * k
+    way = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
+    x = np.concatenate([[[0.0, 0.0, 0.0]], way * (ratio * small + 0.999 * small)])
+    radius = np.full(n + 1, small)
+    radius[0] = ratio * small
+    mass = 1e-3 * (radius / small) ** 3
+    v = np.zeros_like(x)
+    v[0] = 0.3, 0.2, 0.1
+    scene = SphereScene(spheres=Spheres(x=x, v=v, radius=radius, mass=mass), sphere_sphere=HERTZ, gravity=(0.0,) * 3)
+    numerics = Numerics(dt=1e-6, n_steps=60, contact_dt=1e-6, sample_every=60, allow_unstable=True)
+    one = SphereSession(scene, numerics)
+    assert one._levels is not None
+    assert one.counts.contacts >= n
+    exact = one.run()
+    same_bits(SphereSession(scene, numerics, threads=3).run(), exact)
+    assert not np.allclose(exact.v[-1, 1:], 0.0)
+    np.testing.assert_allclose(mass @ exact.v[-1], mass @ v, rtol=1e-9)
+    monkeypatch.setattr("ninedisk.core.dem.levels.LEVELS_FROM", 10**9)
+    same_run(exact, SphereSession(scene, numerics).run())
