@@ -50,7 +50,7 @@ def last_cell(position: float, reach: float, width: float, count: int) -> int:
 
 
 @kernel
-def merge_stripes(start: IntArray, other: NDArray[np.uint32], stripe: IntArray) -> None:
+def merge_stripes(start: IntArray | NDArray[np.int32], other: NDArray[np.uint32], stripe: IntArray) -> None:
     """Leave out ends of stripes so that no pair of a stripe reaches further than the next one.
 
     Parameters
@@ -78,7 +78,7 @@ def merge_stripes(start: IntArray, other: NDArray[np.uint32], stripe: IntArray) 
 @inline_kernel
 def box_number(levels: Levels, k: int, a: int, b: int, c: int) -> int:
     """Number of a cell of level k among those of all levels."""
-    return int(levels.base[k] + (c * levels.count[k, 1] + b) * levels.count[k, 0] + a)
+    return int(levels.base[k] + (c * levels.counts[k, 1] + b) * levels.counts[k, 0] + a)
 
 
 @inline_kernel
@@ -87,14 +87,14 @@ def set_bases(levels: Levels) -> int:
     total = 0
     for k in range(levels.widest.shape[0]):
         levels.base[k] = total
-        total += levels.count[k, 0] * levels.count[k, 1] * levels.count[k, 2]
+        total += levels.counts[k, 0] * levels.counts[k, 1] * levels.counts[k, 2]
     return int(total)
 
 
 @inline_kernel
 def halve_to_room(levels: Levels, k: int) -> None:
     """Halve the most numerous cells of level k of a periodic cell until they fit."""
-    count = levels.count[k]
+    count = levels.counts[k]
     while count[0] * count[1] * count[2] > levels.room[k]:
         largest = int(np.argmax(count))
         count[largest] = max(1, count[largest] // 2)

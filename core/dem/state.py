@@ -173,7 +173,7 @@ class Levels(NamedTuple):
         First cell of each level.
     width : ndarray, shape (k,)
         Width of its cells [m].
-    count : ndarray of int64, shape (k, 3)
+    counts : ndarray of int64, shape (k, 3)
         Its cells along each of ``axes``.
     shift : ndarray of int64, shape (k,)
         Rows or layers of the finest cells by which its bodies come later in memory: larger ones are after all that they can touch.
@@ -189,7 +189,7 @@ class Levels(NamedTuple):
     room: IntArray
     base: IntArray
     width: FloatArray
-    count: IntArray
+    counts: IntArray
     shift: IntArray
     low: FloatArray
     axes: IntArray

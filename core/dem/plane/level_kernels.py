@@ -51,7 +51,7 @@ def set_grids(x: NDArray[np.float64], skin: float, cells: Cells, levels: Levels)
             if columns * rows <= levels.room[k] and columns * (rows + behind) <= cells.start.shape[0] - 1:
                 break
             width *= 1.25
-        levels.width[k], levels.count[k, 0], levels.count[k, 1] = width, int(columns), int(rows)
+        levels.width[k], levels.counts[k, 0], levels.counts[k, 1] = width, int(columns), int(rows)
         if k == 0:
             grid = cells.grid
             grid[0], grid[1], grid[2], grid[3], grid[4] = low, low_across, width, columns, rows + behind
@@ -121,7 +121,7 @@ def build_level_pairs(
         px, py = x[i, levels.axes[0]] - levels.low[0], x[i, levels.axes[1]] - levels.low[1]
         own = level_of(levels, radius[i])
         for level in range(own, levels.widest.shape[0]):
-            width, count = levels.width[level], levels.count[level]
+            width, count = levels.width[level], levels.counts[level]
             reach = radius[i] + levels.widest[level] + skin
             first, last = first_cell(px, reach, width), last_cell(px, reach, width, count[0])
             # The finest rows follow each other as disks do.
@@ -179,14 +179,14 @@ def sort_into_image_levels(
     height = column_height(images, lean)
     for k in range(levels.widest.shape[0]):
         levels.width[k] = 2.0 * levels.widest[k] + skin
-        levels.count[k, 0] = max(1, int(min(height / levels.width[k], 1e6)))
-        levels.count[k, 1] = max(1, int(min(images.now[YY] / levels.width[k], 1e6)))
+        levels.counts[k, 0] = max(1, int(min(height / levels.width[k], 1e6)))
+        levels.counts[k, 1] = max(1, int(min(images.now[YY] / levels.width[k], 1e6)))
         halve_to_room(levels, k)
     total = set_bases(levels)
     for i in range(x.shape[0]):
         k = level_of(levels, radius[i])
         along, up = place_in_cell(x, i, images, lean)
-        columns, rows = levels.count[k, 0], levels.count[k, 1]
+        columns, rows = levels.counts[k, 0], levels.counts[k, 1]
         column, row = min(int(along * columns), columns - 1), min(int(up * rows), rows - 1)
         levels.cell[i] = box_number(levels, k, column, row, 0)
     order_by_cell(levels, x.shape[0], total)
@@ -216,7 +216,7 @@ def build_image_level_pairs(
         own = level_of(levels, radius[i])
         share_along, share_up = place_in_cell(x, i, images, lean)
         for level in range(own, levels.widest.shape[0]):
-            nx, ny = levels.count[level, 0], levels.count[level, 1]
+            nx, ny = levels.counts[level, 0], levels.counts[level, 1]
             reach = radius[i] + levels.widest[level] + skin
             # Places in cells along the edges, and how many cells are within reach.
             px, mx = share_along * nx, reach / height * nx + MARGIN

@@ -18,6 +18,7 @@ from ninedisk.core.dem.state import (
     WALL_PAIRS_FULL,
     Cells,
     DiskArrays,
+    Levels,
     NeighbourList,
     Team,
     WallArrays,
@@ -34,7 +35,7 @@ REBUILD_COST = 5.0
 
 
 @inline_kernel
-def order_by_cell(cells: Cells, n: int, count: int) -> None:
+def order_by_cell(cells: Cells | Levels, n: int, count: int) -> None:
     """Counting sort of ``n`` bodies by ``cells.cell``, the numbers of their cells, of which there are ``count``."""
     for c in range(count + 1):
         cells.start[c] = 0

@@ -76,10 +76,10 @@ def sort_for_memory(x: Floats, radius: Floats, skin: float, cells: Cells, levels
                 break
             width *= 1.25
         levels.width[k] = width
-        levels.count[k, 0], levels.count[k, 1], levels.count[k, 2] = int(nx), int(ny), int(nz)
+        levels.counts[k, 0], levels.counts[k, 1], levels.counts[k, 2] = int(nx), int(ny), int(nz)
         if k == 0:
             cells.grid[IN_LAYER], cells.grid[LAYERS], cells.grid[IN_ROW] = nx * ny, nz + behind, nx
-    width, nx, ny = levels.width[0], levels.count[0, 0], levels.count[0, 1]
+    width, nx, ny = levels.width[0], levels.counts[0, 0], levels.counts[0, 1]
     for i in range(n):
         layer = int((x[WIDE * i + high] - low[high]) / width) + levels.shift[level_of(levels, radius[i])]
         line = int((x[WIDE * i + deep] - low[deep]) / width)
@@ -154,7 +154,7 @@ def list_level_pairs(
         px, py, pz = x[q + ax] - levels.low[0], x[q + ay] - levels.low[1], x[q + az] - levels.low[2]
         own = level_of(levels, radius[i])
         for level in range(own, levels.widest.shape[0]):
-            width, count = levels.width[level], levels.count[level]
+            width, count = levels.width[level], levels.counts[level]
             reach = radius[i] + levels.widest[level] + skin
             first, last = first_cell(px, reach, width), last_cell(px, reach, width, count[0])
             # The finest cells follow each other as spheres do in memory.
@@ -197,7 +197,7 @@ def sort_into_image_levels(state: State, images: Images, skin: float, levels: Le
     for k in range(levels.widest.shape[0]):
         levels.width[k] = 2.0 * levels.widest[k] + skin
         for c in range(3):
-            levels.count[k, c] = max(1, int(min(apart[c] / levels.width[k], 1e6)))
+            levels.counts[k, c] = max(1, int(min(apart[c] / levels.width[k], 1e6)))
         halve_to_room(levels, k)
     total = set_bases(levels)
     for i in range(state.radius.shape[0]):
@@ -207,7 +207,7 @@ def sort_into_image_levels(state: State, images: Images, skin: float, levels: Le
         for c in range(3):
             if not abs(f[2 - c]) < 1e15:
                 return False
-            home, count = floor(f[2 - c]), levels.count[k, 2 - c]
+            home, count = floor(f[2 - c]), levels.counts[k, 2 - c]
             images.home[i, 2 - c] = home
             box = box * count + min(int((f[2 - c] - home) * count), count - 1)
         levels.cell[i] = levels.base[k] + box
@@ -240,7 +240,7 @@ def list_image_levels(
         fx, fy, fz = f[0] - home[i, 0], f[1] - home[i, 1], f[2] - home[i, 2]
         own = level_of(levels, radius[i])
         for level in range(own, levels.widest.shape[0]):
-            reach, count = radius[i] + levels.widest[level] + skin, levels.count[level]
+            reach, count = radius[i] + levels.widest[level] + skin, levels.counts[level]
             nx, ny, nz = count[0], count[1], count[2]
             # Places in boxes along the edges, and how many boxes are within reach.
             px, py, pz = fx * nx, fy * ny, fz * nz

@@ -63,7 +63,8 @@ def enter_preload(
 def _entries(contacts: Contacts, row: int, other: int) -> IntArray:
     """Entries of a row with this partner."""
     listed = np.arange(int(contacts.start[row]), int(contacts.start[row + 1]))
-    return listed[contacts.other[listed] == other]
+    found: IntArray = listed[contacts.other[listed] == other]
+    return found
 
 
 def _shear_stiffness(
