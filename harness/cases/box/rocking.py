@@ -157,7 +157,8 @@ class BoxRocking:
 
 
 def _half(params: Mapping[str, Any]) -> FloatArray:
-    return params["size"] * np.array([params["aspect"] * HALF_HEIGHT, HALF_WIDTH, HALF_HEIGHT])
+    size = float(params["size"])
+    return size * np.array([params["aspect"] * HALF_HEIGHT, HALF_WIDTH, HALF_HEIGHT])
 
 
 def _shape(params: Mapping[str, Any]) -> dict[str, float]:
