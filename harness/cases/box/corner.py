@@ -42,7 +42,7 @@ VELOCITIES = {"slides": (3.0, -2.0, -1.0), "turns": (-0.4, 0.6, -1.0), "falls": 
 """Velocities at time 0 [m/s]; in the second one the impact turns the direction of slip by more than a right angle with mu = 0.3."""
 
 GIVEN_BACK = math.exp(-2.0)
-"""Part of the speed that a critically damped contact gives back which does not pull: it lets go after two time constants."""
+"""Part of the speed that a critically damped contact gives back which does not pull: it ends after two time constants."""
 
 SOURCE = "Newton's restitution and Coulomb's friction of one impulse"
 AXES = ("x", "y", "z")
