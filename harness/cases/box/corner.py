@@ -160,7 +160,7 @@ class CornerDrop:
         if Difference.IMPACT_AS_SPRINGS in engine.differences:
             right = _checks(params, setup, observed, engine)
             return excused_checks(right, _by_springs(params, setup, right), f"{engine.id}/corner-rebounds")
-        return box_checks(setup, engine, lambda setup, engine: _checks(params, setup, observed, engine))
+        return box_checks((_checks,), params, setup, observed, engine)
 
 
 def _arm(half: FloatArray) -> FloatArray:
