@@ -61,7 +61,7 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     for magic, reader in BINARY.items():
         if _begins_with(path, magic):
             return reader(path, columns, needed)
-    if path.suffix in (".vtk", ".vtp", ".vtu"):
+    if path.suffix in (".vtk", ".vtp", ".vtu", ".pvtp", ".pvtu"):
         raise UsageError(f"{str(path)!r} is a single frame: give the folder of the series, or its .pvd")
     with open_file(path) as stream:
         try:

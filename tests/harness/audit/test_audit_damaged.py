@@ -21,8 +21,8 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.cli.app import app
 
-TEXT = ("dump", "yaml", "csv", "extxyz", "yade", "vtk-text")
-FOLDERS = ("yade", "vtk-raw", "vtk-inline", "vtk-text")
+TEXT = ("dump", "yaml", "csv", "extxyz", "yade", "vtk-text", "vtk-pieces")
+FOLDERS = ("yade", "vtk-raw", "vtk-inline", "vtk-text", "vtk-pieces")
 TIMED = tuple(name for name in FORMATS if name not in FOLDERS)
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "omegax", "omegay", "omega")
 
