@@ -74,6 +74,7 @@ class Frame:
     """Columns of one instant; ``t`` is NaN where the file has none, ``place`` is where it stands.
 
     ``cell`` has the edges of a box, shape (3, 3), those along which nothing repeats NaN; None: the file has no box.
+    ``domain`` has the edges of a box of which the file does not say whether they repeat.
     """
 
     step: int
@@ -81,6 +82,7 @@ class Frame:
     columns: dict[str, FloatArray]
     place: str
     cell: FloatArray | None = None
+    domain: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -273,7 +275,14 @@ def _separated(lines: Sequence[str], names: Sequence[str], sep: str) -> FloatArr
 def sample_roundings(
     path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
 ) -> dict[str, Rounding]:
-    """Roundings by tokens of five places of a text; marks ``around`` the numbers of a line are left out."""
+    """Roundings by the tokens of `sample_tokens`."""
+    return roundings_of(sample_tokens(path, names, sep, wanted, around))
+
+
+def sample_tokens(
+    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
+) -> dict[str, Tokens]:
+    """Printed numbers at five places of a text; marks ``around`` the numbers of a line are left out."""
     tokens = {name: Tokens() for name in wanted.values()}
     if path.suffix in (".gz", ".zst"):
         with open_file(path) as stream:
@@ -299,4 +308,4 @@ def sample_roundings(
                     and NUMBER.fullmatch(word)
                 ):
                     seen.add(word.strip())
-    return roundings_of(tokens)
+    return tokens

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from ninedisk_tests_written import (
+    DENSE,
     FORMATS,
     PLAIN,
     RADIUS,
@@ -31,8 +32,8 @@ from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
 from ninedisk.harness.audit.scene import read_scene
 
-NEW = ("yaml", "extxyz", "yade", "netcdf", "netcdf-hdf5", "gsd", "h5md", "vtk-pieces", "vtkhdf")
-TIMED = ("extxyz", "vtkhdf")
+NEW = ("yaml", "extxyz", "yade", "netcdf", "netcdf-hdf5", "gsd", "h5md", "vtk-pieces", "vtkhdf", "mercury")
+TIMED = ("extxyz", "vtkhdf", "mercury")
 """Formats with times and no steps."""
 BINARY = ("netcdf", "h5md", "vtkhdf")
 
@@ -44,7 +45,7 @@ def run() -> Run:
 
 def record(file: Path, bodies: str = PLAIN) -> dict[str, Any]:
     toml = file.with_name("audit.toml")
-    toml.write_text(TOML + bodies)
+    toml.write_text(TOML + (DENSE if file.suffix == ".data" else bodies))
     return audit(file, read_scene(toml), lambda *_: None)
 
 

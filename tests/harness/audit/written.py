@@ -27,6 +27,8 @@ walls = [{{name = "floor", point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, 1.0]}}]
 """
 WITH_BODIES = f'spheres = {{inertia = "sphere", radius = {RADIUS.tolist()}, mass = {MASS.tolist()}}}\n'
 PLAIN = 'spheres = {inertia = "sphere"}\n'
+DENSE = 'spheres = {inertia = "sphere", density = 2000.0}\n'
+"""For formats without masses."""
 
 
 @dataclass(frozen=True)
@@ -357,10 +359,22 @@ def vtkhdf(path: Path, run: Run, kind: str = "f8", change: Callable[[Any], None]
             change(group)
 
 
+def mercury(path: Path, run: Run, _: str = "f8") -> None:
+    """As MercuryDPM's documentation has it: places with 15 digits, the rest with 10."""
+    made = []
+    for k, t in enumerate(run.t):
+        made.append(f"{len(RADIUS)} {t:.10g} -9 -9 -9 9 9 9 ")
+        for i in range(len(RADIUS)):
+            rest = (*run.v[k, i], RADIUS[i], 0.1, -0.2, 0.3, *run.omega[k, i])
+            made.append(" ".join([f"{each:.15g}" for each in run.x[k, i]] + [f"{each:.10g}" for each in rest] + ["0"]))
+    path.write_text("\n".join(made) + "\n")
+
+
 FORMATS: dict[str, tuple[str, Callable[..., None]]] = {
     "dump": ("run.dump", dump), "yaml": ("run.yaml", yaml), "csv": ("run.csv", table), "extxyz": ("run.extxyz", extxyz),
     "yade": ("frames", yade), "netcdf": ("run.nc", netcdf), "netcdf-hdf5": ("run.nc", netcdf_in_hdf5), "gsd": ("run.gsd", gsd),
     "h5md": ("run.h5", h5md), "vtk-raw": ("frames", vtk_raw), "vtk-inline": ("frames", vtk_inline), "vtk-text": ("frames", vtk_text),
-    "vtk-pieces": ("frames", vtk_pieces), "vtkhdf": ("run.vtkhdf", vtkhdf), "npz": ("run.npz", npz), "parquet": ("run.parquet", parquet),
+    "vtk-pieces": ("frames", vtk_pieces), "vtkhdf": ("run.vtkhdf", vtkhdf), "mercury": ("run.data", mercury),
+    "npz": ("run.npz", npz), "parquet": ("run.parquet", parquet),
 }  # fmt: skip
 """Name -> file or folder, writer."""
