@@ -21,7 +21,7 @@ from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_
 Progress = Callable[[int, int, str], None]
 PLACE = ("Points", "unwrapped_coordinates", "coordinates", "pos", "position")
 VELOCITY = ("velocity", "Velocity", "linVel", "linVelVec", "v", "velocities", "vel", "velo")
-SPIN = ("angVel", "angVelVec", "omega", "angularVelocity", "AngularVelocity", "angular_velocity")
+SPIN = ("angVel", "angVelVec", "omega", "angularVelocity", "AngularVelocity", "angular_velocity", "angular velocity")
 """Names of vectors."""
 
 
@@ -51,7 +51,7 @@ ALIASES = {
     "diameter": ("d", "Diameter"),
     "angle": ("theta", "rotation"),
     "radius": ("r", "radii", "Radius"),
-    "mass": ("m", "Mass"),
+    "mass": ("m", "Mass", "particleMass"),
     "type": ("mol",),
     "z": ("zu", "Z", "pos_z", *_parts(PLACE, 2)),
 }

@@ -173,7 +173,7 @@ def _check_radii(where: str, radius: FloatArray, first: FloatArray, rule: Roundi
 
 def _roundings(path: Path, d: int, found: Mapping[str, str]) -> dict[str, Rounding]:
     """Fifteen digits of places, the stream's own of all else: columns of few numbers show fewer than they have."""
-    rules = {}
+    rules: dict[str, Rounding] = {}
     for names, least in ((PLACES[d], 15), (REST[d][:-1], DIGITS)):
         wanted = {name: name for name in names}
         seen = {token for each in sample_tokens(path, ROWS[d], None, wanted).values() for token in each.seen}
@@ -209,9 +209,10 @@ def read_mercury_contacts(path: Path, columns: Mapping[str, str], needed: Sequen
     rule = Rounding(significant=digits if len(seen) >= VARIED else max(digits, DIGITS))
 
     def frames(progress: Progress) -> Iterator[Frame]:
-        size = path.stat().st_size >> 10
+        size, done = path.stat().st_size, 0
         for number, (line, head, rows) in enumerate(_blocks(path), 1):
-            progress(min(number, size), size, f"frame {number}")
+            done += sum(map(len, rows))
+            progress(done >> 10, size >> 10, f"kB of contacts read, t = {head[0]:g}")
             where = f"{path}, line {line}, frame {number}"
             values = (
                 numbers_of(rows, CONTACT, None, path, line + 3) if rows else {name: np.empty(0) for name in CONTACT}
@@ -239,7 +240,8 @@ def _blocks(path: Path) -> Iterator[tuple[int, list[float], list[str]]]:
     with open_file(path) as stream:
         line, text = 1, stream.readline()
         while text:
-            begin, heads = line, []
+            begin = line
+            heads: list[list[float]] = []
             for length in (2, 6, 6):
                 # Where there are no bodies, the third line has nan for their radii.
                 heads.append(_comment(text.replace("nan", "0") if len(heads) == 2 else text))

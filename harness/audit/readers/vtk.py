@@ -118,9 +118,11 @@ def _vtk_series(path: Path, files: list[Path], times: list[float], columns: Mapp
             yield replace(made, step=int(times[k]), t=np.nan) if numbered else made
 
     form = "legacy VTK series" if files[0].suffix == ".vtk" else "XML VTK series"
-    remarks = (WHOLE_TIMES.format(path.name),) if numbered else ()
+    remarks = [WHOLE_TIMES.format(path.name)] if numbered else []
+    if "id" not in found.values():
+        remarks.append("there are no ids: point k of each file is taken as the same body")
     clock = number_clock(np.array(times)) if numbered else "t" if np.isfinite(times).all() else "index"
-    return Trajectory(path, form, frames, halved_rounding(rounding), clock, frozenset(), remarks)
+    return Trajectory(path, form, frames, halved_rounding(rounding), clock, frozenset(), tuple(remarks))
 
 
 def _frame(file: Path, k: int, t: float, part: dict[str, FloatArray]) -> Frame:
@@ -151,13 +153,11 @@ def _series_files(path: Path) -> tuple[list[Path], list[float]]:
             raise UsageError(
                 f"{index} names {twice[0].name!r} for a timestep that another file has: write the parts of a frame as pieces (.pvtp, .pvtu)"
             )
-        if kinds := {file.suffix for _, file in listed} - {".vtp", ".vtu", ".vtk", *INDICES}:
-            raise UsageError(
-                f"{index} names files {', '.join(sorted(kinds))}: expected .vtp, .vtu, .pvtp, .pvtu or .vtk"
-            )
+        if odd := {file.suffix for _, file in listed} - {".vtp", ".vtu", ".vtk", *INDICES}:
+            raise UsageError(f"{index} names files {', '.join(sorted(odd))}: expected .vtp, .vtu, .pvtp, .pvtu or .vtk")
         if listed:
             return [file for _, file in listed], times
-    kinds = {}
+    kinds: dict[str, list[Path]] = {}
     if path.is_dir():
         for kind in (*INDICES, ".npz", ".vtp", ".vtu", ".vtk"):
             files = sorted(path.glob(f"*{kind}"), key=_numbered)
@@ -168,6 +168,12 @@ def _series_files(path: Path) -> tuple[list[Path], list[float]]:
             f"{path} holds {'several kinds of frames: ' + ', '.join(kinds) if kinds else 'no frames'}: give {FORMS}"
         )
     files = next(iter(kinds.values()))
+    series = dict.fromkeys(re.sub(r"\d+", "#", file.name) for file in files)
+    if len(series) > 1:
+        raise UsageError(
+            f"{path} holds several series: {', '.join(list(series)[:6])} (# a number; Kratos writes bodies, contacts and walls into one "
+            "folder): copy that of the bodies into a folder, or write a .pvd of its files"
+        )
     return files, [np.nan] * len(files)
 
 

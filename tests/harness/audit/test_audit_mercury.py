@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 from ninedisk_tests_written import DENSE, TOML, Run, make_run, mercury, table
+from typer.testing import CliRunner
 
 from ninedisk.core import ContactLaw, Disks, History, Numerics, Scene, Wall, simulate
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
 from ninedisk.harness.audit.scene import scene_of_text
+from ninedisk.harness.cli.app import app
 
 R = np.array([0.1, 0.08, 0.12])
 WALLS = (("left", (0.0, 0.0), (1.0, 0.0)), ("floor", (0.0, 0.0), (0.0, 1.0)))
@@ -194,6 +198,33 @@ def test_a_file_of_contacts_whose_last_line_has_no_end_is_cut_off(files: Files, 
     contacts.write_text(contacts.read_text()[:-3])
     with pytest.raises(UsageError, match=r"run\.fstat, line \d+: the last line has no end"):
         record(file, RIGHT)
+
+
+def spoilt(raw: bytes, damage: str, rng: random.Random) -> bytes:
+    at = rng.randrange(200, len(raw) - 200)
+    many = rng.randrange(3, 60)
+    return {
+        "cut": raw[:at], "less": raw[:at] + raw[at + many :], "twice": raw[: at + many] + raw[at:],
+        "noise": raw[:at] + rng.randbytes(many) + raw[at + many :], "zeros": raw[:at] + bytes(many) + raw[at + many :],
+    }[damage]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("damage", ["cut", "less", "twice", "noise", "zeros"])
+def test_damaged_contacts_are_named_or_are_numbers_still(damage: str, seed: int, files: Files, tmp_path: Path) -> None:
+    """A force of which digits are lost is a force: only its place is right."""
+    file = files.write(tmp_path)
+    contacts = tmp_path / "run.fstat"
+    contacts.write_bytes(spoilt(contacts.read_bytes(), damage, random.Random(f"{damage} {seed}")))
+    (tmp_path / "run.toml").write_text(RIGHT)
+    done = CliRunner().invoke(app, ["audit", str(file), "--scene", str(tmp_path / "run.toml")])
+    assert "internal error" not in done.output
+    assert done.exit_code in (0, 1, 2)
+    if done.exit_code == 2:
+        assert re.search(r"run\.fstat(, line \d+)?", done.output), done.output
+    if done.exit_code == 0:
+        read = read_trajectory(contacts, {}, ()).frames(lambda *_: None)
+        assert all(np.isfinite(frame.columns["fn"]).all() for frame in read)
 
 
 def test_times_before_anything_is_inserted_are_left_out(files: Files, tmp_path: Path) -> None:

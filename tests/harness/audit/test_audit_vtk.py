@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from ninedisk_tests_written import PLAIN, TOML, Run, make_run, vtk_pieces, vtk_raw, vtkhdf
+from ninedisk_tests_written import DENSE, PLAIN, RADIUS, TOML, Run, make_run, vtk_pieces, vtk_raw, vtkhdf
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
@@ -169,12 +170,59 @@ def test_vtkhdf_arrays_of_another_step_are_named(run: Run, tmp_path: Path) -> No
     assert "motion" in violated(record(tmp_path / "run.vtkhdf"))
 
 
-def test_names_of_mercurydpm_are_understood(run: Run, tmp_path: Path) -> None:
+def kratos(folder: Path, run: Run, **change: Any) -> None:
+    """As Kratos 10.4 writes bodies, by pyevtk: raw numbers behind a line break, sizes of eight bytes, no ids."""
+    folder.mkdir()
+    for k in range(len(run.t)):
+        arrays = {
+            "points": run.x[k],
+            "radius": RADIUS,
+            "velocity": run.v[k],
+            "angular_velocity": run.omega[k],
+            **change,
+        }
+        head, body = "", b""
+        for name, values in arrays.items():
+            raw = np.ascontiguousarray(values).tobytes()
+            width = 3 if values.ndim == 2 else 1
+            head += f'<DataArray Name="{name}" NumberOfComponents="{width}" type="Float64" format="appended" offset="{len(body)}"/>\n'
+            head += "</Points>\n<PointData>" if name == "points" else ""
+            body += struct.pack("<Q", len(raw)) + raw
+        text = (
+            '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" byte_order="LittleEndian" header_type="UInt64">\n'
+        )
+        text += f'<UnstructuredGrid>\n<Piece NumberOfPoints="4" NumberOfCells="4">\n<Points>\n{head}</PointData>\n</Piece>\n'
+        text += '</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
+        (folder / f"scene_Particles_{k}.vtu").write_bytes(text.encode() + body + b"\n</AppendedData>\n</VTKFile>\n")
+
+
+def test_a_folder_as_of_kratos_passes_by_its_bodies(run: Run, tmp_path: Path) -> None:
+    kratos(tmp_path / "post", run)
+    found = record(tmp_path / "post", TOML + DENSE)
+    assert violated(found) == []
+    assert any("there are no ids" in each for each in found["remarks"])
+    for k in range(30):
+        (tmp_path / "post" / f"scene_Walls_{k}.vtu").write_text("")
+    with pytest.raises(UsageError, match=r"several series: scene_Particles_#\.vtu, scene_Walls_#\.vtu .*Kratos"):
+        record(tmp_path / "post", TOML + DENSE)
+
+
+NAMES = {
+    "MercuryDPM": {b"velocity": b"Velocity", b"omega": b"AngularVelocity", b'"id"': b'"Id"', b'"radius"': b'"Radius"'},
+    "ESyS-Particle": {b"omega": b"angular velocity", b'"id"': b'"Id"', b'"mass"': b'"particleMass"'},
+}
+"""Of `ParticleVtkWriter` and of `dump2vtk`."""
+
+
+@pytest.mark.parametrize("program", NAMES)
+def test_names_of_other_programs_are_understood(program: str, run: Run, tmp_path: Path) -> None:
     vtk_raw(tmp_path / "frames", run)
     for file in (tmp_path / "frames").iterdir():
         text = file.read_bytes()
-        for old, new in ((b"velocity", b"Velocity"), (b"omega", b"AngularVelocity"), (b'"id"', b'"Id"')):
+        for old, new in NAMES[program].items():
+            assert old in text
             text = text.replace(old, new)
-        file.write_bytes(text.replace(b'"radius"', b'"Radius"'))
+        file.write_bytes(text)
+    assert violated(record(tmp_path / "frames")) == []
     first = next(read_trajectory(tmp_path / "frames", {}).frames(lambda *_: None))
-    assert {"vx", "omega", "omegax", "id", "radius"} <= set(first.columns)
+    assert {"vx", "omega", "omegax", "id", "radius", "mass"} <= set(first.columns)
