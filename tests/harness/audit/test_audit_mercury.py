@@ -54,18 +54,18 @@ class Files:
 
 @pytest.fixture(scope="module")
 def history() -> History:
-    """Three disks that fall into a corner, spinning."""
+    """Two disks in a corner and one beside them on the floor, spinning."""
     law = ContactLaw(kn=1e5, ks=8e4, mu=0.3, lever_arm="overlap")
     scene = Scene(
         disks=Disks(
-            x=[(0.1, 0.1005), (0.279, 0.081), (0.2, 0.34)], radius=R, mass=1000.0 * np.pi * R**2,
+            x=[(0.1, 0.1005), (0.279, 0.081), (0.6, 0.1205)], radius=R, mass=1000.0 * np.pi * R**2,
             v=[(0.0, 0.0), (-0.3, 0.0), (0.1, -0.5)], omega=[2.0, -3.0, 5.0],
         ),
         walls=tuple(Wall(name=name, point=point, normal=normal, law=law) for name, point, normal in WALLS),
         disk_disk=law,
         gravity=(-2.0, -9.81),
     )  # fmt: skip
-    return simulate(scene, Numerics(dt=2e-4, n_steps=200, contact_dt=1e-5), watch=PAIRS)
+    return simulate(scene, Numerics(dt=2e-4, n_steps=100, contact_dt=1e-5), watch=PAIRS)
 
 
 @pytest.fixture
@@ -178,7 +178,7 @@ def replaced(place: int, word: str) -> Callable[[list[str]], list[str]]:
     (lambda f: edit(f.data, "3 0.002 ", replaced(4, "0"), 2), r"frame 11: the radius of row 1 is 0.*clumps"),
     (lambda f: f.data.__delitem__(42), r"run\.data, line 44: 6 columns, expected 8"),
     (lambda f: f.data.insert(44, f.data[43]), r"line 45, frame 12: .* is no header, 6 numbers"),
-    (lambda f: f.data.pop(), r"frame 201 ends after 2 of 3 lines: cut off"),
+    (lambda f: f.data.pop(), r"frame 101 ends after 2 of 3 lines: cut off"),
     (lambda f: edit(f.fstat, "0.002 ", replaced(0, "0.0022")), r"a contact of t = 0\.0022 behind the header of t = 0\.002"),
     (lambda f: edit(f.fstat, "0.002 1 0 ", replaced(8, "7")), r"the contact of 1 and 0 is listed twice, with fn .* and 7"),
     (lambda f: edit(f.fstat, "0.002 ", lambda words: words[:9]), r"run\.fstat, line \d+: 9 columns, expected 16"),
@@ -232,7 +232,7 @@ def test_times_before_anything_is_inserted_are_left_out(files: Files, tmp_path: 
     empty = ["# -0.0002 1", "# 0 0 0 1 1 0", "# nan nan 0 0 0 0", *files.fstat]
     found = record(Files(lines, empty).write(tmp_path), RIGHT)
     assert violated(found) == []
-    assert found["frames"] == 201
+    assert found["frames"] == 101
 
 
 def test_info_that_is_no_species_is_no_type(files: Files, tmp_path: Path) -> None:
