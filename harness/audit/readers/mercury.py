@@ -118,6 +118,7 @@ def _frames(
     path: Path, d: int, found: Mapping[str, str], rounding: Mapping[str, Rounding], progress: Progress
 ) -> Iterator[Frame]:
     names, size = ROWS[d], path.stat().st_size
+    wanted = list(dict.fromkeys([*found, "radius"]))
     number, first = 0, None
     with Lines(path) as lines:
         while text := lines.readline():
@@ -140,7 +141,7 @@ def _frames(
                     "last one takes its row; audit a stretch with the same bodies"
                 )
             try:
-                values = lines.rows(count, names, list(names))
+                values = lines.rows(count, names, wanted)
             except BrokenRowsError as error:
                 raise broken_rows(path, error, f"frame {number}", begin + 1, count) from error
             progress(lines.done >> 10, size >> 10, f"kB read, t = {words[1]:g}")
@@ -148,7 +149,8 @@ def _frames(
             if first is None:
                 first = radius
             _check_radii(where, radius, first, rounding["radius"])
-            values["omegaz"] = -values["omegaz"] if d == 2 else values["omegaz"]
+            if d == 2 and "omegaz" in values:
+                values["omegaz"] = -values["omegaz"]
             part = {here: values[name] for name, here in found.items()} | {"id": np.arange(count, dtype=float)}
             corners = np.array(words[2:]).reshape(2, d)
             domain = np.diag(np.append(corners[1] - corners[0], np.zeros(3 - d)))
