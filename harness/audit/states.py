@@ -186,8 +186,13 @@ class States:
         if clock == "t":
             rule = self.trajectory.rounding.get("t", Rounding())
             return frame.t, float(rule.error(np.array([frame.t]))[0]) if np.isfinite(frame.t) else 0.0
-        if clock == "index" and scene.interval is not None:
+        if clock in ("index", "record") and scene.interval is not None:
             return number * scene.interval, 0.0
+        if clock == "record":
+            raise UsageError(
+                f"{self.trajectory.path} numbers its frames and has no times: give [time] interval = SECONDS between frames; 1 if its "
+                "numbers are seconds"
+            )
         if scene.dt is None:
             way = "[time] dt = SECONDS, the engine's step" + (
                 ", or interval = SECONDS between frames" if clock == "index" else ""

@@ -97,8 +97,8 @@ class Trajectory:
         How each column was rounded.
     form : str
         The format in words.
-    clock : {"t", "step", "index"}
-        What gives the time of a frame.
+    clock : {"t", "step", "index", "record"}
+        What gives the time of a frame: of an index the interval or the step, of a record the interval alone.
     names : frozenset of str
         Columns that it has, by their names here; empty where only its frames show them.
     remarks : tuple of str

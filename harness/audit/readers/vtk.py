@@ -47,8 +47,9 @@ def whole_numbers(times: FloatArray) -> bool:
 
 
 def number_clock(times: FloatArray) -> str:
-    """What gives the time of frames with whole numbers: the interval between them only if they are even."""
-    return "index" if np.ptp(np.diff(times)) == 0.0 else "step"
+    """What gives the time of frames with whole numbers: the interval of even ones, which it must be of 0, 1, 2 and so on, else the step."""
+    even = np.ptp(np.diff(times)) == 0.0
+    return "step" if not even else "record" if times[1] - times[0] == 1.0 else "index"
 
 
 def read_series(path: Path, columns: Mapping[str, str]) -> Trajectory:

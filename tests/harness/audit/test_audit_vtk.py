@@ -11,6 +11,7 @@ import pytest
 from ninedisk_tests_written import DENSE, PLAIN, RADIUS, TOML, Run, make_run, vtk_pieces, vtk_raw, vtkhdf
 
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.audit.infer import infer_scene
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
 from ninedisk.harness.audit.scene import read_scene
@@ -88,9 +89,11 @@ def test_whole_times_of_an_index_are_numbers_and_not_seconds(run: Run, tmp_path:
     found = record(index)
     assert violated(found) == []
     assert any("whole numbers" in each for each in found["remarks"])
-    no_clock = "\n".join(line for line in TOML.splitlines() if not line.startswith("time")) + "\n" + PLAIN
-    with pytest.raises(UsageError, match="steps and no times"):
-        record(index, no_clock)
+    for clock in ("", "time = {dt = 2e-5}"):
+        toml = "\n".join(clock if line.startswith("time") else line for line in TOML.splitlines()) + "\n" + PLAIN
+        with pytest.raises(UsageError, match=r"numbers its frames and has no times: give \[time\] interval"):
+            record(index, toml)
+    assert any("time.interval" in each for each in infer_scene(index).lacking)
 
 
 def test_uneven_whole_times_are_steps(run: Run, tmp_path: Path) -> None:
