@@ -1,14 +1,17 @@
-"""Disks under Hertz' law: spheres of the same radii, masses and moments of inertia, whose centres stay in the plane z = 0.
+"""Disks as spheres of the same radii, masses and moments of inertia, whose centres stay in the plane z = 0.
 
 Hertz' law is one of spheres; long cylinders side by side have no force that depends on their overlap alone. Programs that have it in 2D
 keep spheres in a plane. So the law, its loop, energies and checkpoints are those of `ninedisk.core.dem.space`; here is what the two
 scenes and histories have in common. By symmetry nothing leaves the plane, to the last bit.
+
+In a periodic cell the loop of `ninedisk.core.dem.plane` has one law for all pairs, without cohesion and resistance to rolling. What has
+more runs here, too, in a cell whose third edge nothing reaches across.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,19 +19,26 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.counts import Counts
 from ninedisk.core.dem.plane.grains import needs_outlines
+from ninedisk.core.dem.space.arrays import nearest
 from ninedisk.core.dem.space.session import SphereSession
 from ninedisk.core.errors import InvalidSceneError
 from ninedisk.core.history import History, Pair
 from ninedisk.core.law import ContactLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import BodyForce, PlaneSegment, PlaneWall, Scene, Spheres, SphereScene
+from ninedisk.core.scene import BodyForce, Cell, PlaneSegment, PlaneWall, Scene, Spheres, SphereScene
 
 CHOSEN = "disks.chosen"
 """Name in a checkpoint of the disks whose motion is reported; recorded are those of the watched contacts, too."""
 
 
+DEPTH = 8.0
+"""Third edge of a periodic cell over the largest radius: images along it are six radii apart, and never meet."""
+
+
 class InPlane(SphereScene):
-    """Spheres whose messages speak of disks."""
+    """Spheres whose messages speak of disks, and whose linear dashpots do not pull."""
+
+    dashpots_pull: ClassVar[bool] = False
 
     @property
     def noun(self) -> str:
@@ -38,20 +48,12 @@ class InPlane(SphereScene):
 
 def cannot_be_spheres(scene: Scene) -> str:
     """What a scene in 2D has that the DEM lacks beside Hertz' law, and the way out; "" if nothing."""
-    laws = scene.laws_in_use
     if needs_outlines(scene):
         return "outlines other than circles with Hertz' law: give all contacts the linear law, or all bodies circles"
-    if scene.cell is not None:
-        return "a periodic cell with Hertz' law in 2D: use a scene in 3D whose spheres stay at z = 0, or the linear law"
-    if any(law.wall_velocity_at != "surface" for law in laws):
+    if scene.walls and any(law.wall_velocity_at != "surface" for law in scene.laws_in_use):
         return "wall_velocity_at = 'mid-overlap' with Hertz' law: use 'surface'"
     if any(segment.tan_rate != 0.0 for wall in scene.walls for segment in wall.motion):
         return "a wall that moves by a tangent (tan_rate) with Hertz' law: leave it out, or use the linear law"
-    if any(not law.hertz and law.beta > 0.0 and law.cohesion == 0.0 for law in laws):
-        return (
-            "a linear law with a dashpot beside Hertz' law, which would pull here and does not elsewhere in 2D: give all contacts Hertz' "
-            "law, or the linear ones beta = 0"
-        )
     return ""
 
 
@@ -100,7 +102,13 @@ def in_space(scene: Scene) -> InPlane:
             )
             for load in scene.forces
         ),
+        cell=None if scene.cell is None else deep(scene.cell, DEPTH * float(disks.radius.max())),
     )
+
+
+def deep(cell: Cell, depth: float) -> Cell:
+    """The same cell in 3D, with a third edge of ``depth`` [m] along z that stays as it is."""
+    return Cell(size=(*cell.size, depth), rate=(*((*row, 0.0) for row in cell.rate), (0.0, 0.0, 0.0)))
 
 
 def _upright(wall: Any) -> PlaneWall:
@@ -134,7 +142,17 @@ def _normal_of(scene: Scene, i: int, j: int) -> FloatArray:
     if j >= n:
         return -np.array(scene.walls[j - n].normal)
     with np.errstate(invalid="ignore"):
-        return _units(scene.disks.x[j] - scene.disks.x[i])
+        return _units(_of_nearest_images(scene, scene.disks.x[j] - scene.disks.x[i], 0.0))
+
+
+def _of_nearest_images(scene: Scene, apart: FloatArray, t: float | FloatArray) -> FloatArray:
+    """In a periodic cell the vectors [m], shape (..., 2), to the nearest images of bodies that are ``apart`` at times t [s]."""
+    if scene.cell is None:
+        return apart
+    cell = deep(scene.cell, 1.0)
+    edges = np.eye(3) + np.multiply.outer(t, np.array(cell.rate))
+    along = np.concatenate([apart, np.zeros((*apart.shape[:-1], 1))], axis=-1)
+    return nearest(along, edges @ np.diag(cell.size))[..., :2]
 
 
 def _units(vectors: FloatArray) -> FloatArray:
@@ -148,7 +166,7 @@ def _tangents(normals: FloatArray) -> FloatArray:
 
 
 class DisksAsSpheres:
-    """A run of disks with Hertz' law, for `DemSession`.
+    """A run of disks by the loop of spheres, for `DemSession`.
 
     The work of walls and of forces is reported with `Numerics.energy_budget` only.
 
@@ -194,10 +212,11 @@ class DisksAsSpheres:
 
     def shear_forces(self) -> dict[Pair, float]:
         """Shear forces ``fs`` [N] of all closed contacts that carry one, by body numbers: a scene's ``initial_shear``."""
-        n, (_, now), normals = len(self.scene.disks), self.snapshot(), self._solid.plane_normals()
+        n, (t, now), normals = len(self.scene.disks), self.snapshot(), self._solid.plane_normals()
         found = {}
         for (i, j), force in self._solid.shear_forces().items():
-            normal = _units(now["x"][j] - now["x"][i]) if j < n else -normals[j - n, :2]
+            apart = _of_nearest_images(self.scene, now["x"][j] - now["x"][i], t) if j < n else -normals[j - n, :2]
+            normal = _units(apart)
             found[i, j] = float(np.dot(force[:2], _tangents(normal)))
         return found
 
@@ -220,7 +239,7 @@ class DisksAsSpheres:
             If it lacks them.
         """
         if CHOSEN not in arrays:
-            raise InvalidSceneError(f"the checkpoint of a DEM run with Hertz' law lacks {CHOSEN}")
+            raise InvalidSceneError(f"the checkpoint of a DEM run of disks as spheres lacks {CHOSEN}")
         return [(int(i), int(j)) for i, j in arrays["samples.pairs"]], arrays[CHOSEN].tolist()
 
     def restore(self, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -235,7 +254,10 @@ class DisksAsSpheres:
         fs = np.zeros((rows, len(self.pairs)))
         for k, (i, j) in enumerate(self.pairs):
             between = solid.x[:rows, [column[i], column.get(j, 0)], :2]
-            normal = _units(between[:, 1] - between[:, 0]) if j < n else -solid.wall_angle[:rows, j - n, :2]
+            if j < n:
+                normal = _units(_of_nearest_images(self.scene, between[:, 1] - between[:, 0], solid.t[:rows]))
+            else:
+                normal = -solid.wall_angle[:rows, j - n, :2]
             fs[:, k] = np.sum(solid.fs[:rows, k, :2] * _tangents(normal), axis=1)
         turn = solid.wall_angle[:rows]
         return History(
@@ -255,6 +277,9 @@ class DisksAsSpheres:
             wall_force=solid.wall_force[:rows, :, :2],
             force_meaning="instantaneous",
             energy=self._energies(solid, rows),
+            stress=None
+            if solid.stress is None
+            else solid.stress[:rows, :, :2, :2] * DEPTH * self.scene.disks.radius.max(),
         )
 
     def _energies(self, solid: History, rows: int) -> dict[str, FloatArray]:

@@ -99,8 +99,8 @@ STEPS_TIMES_DISKS = 16_000_000
 LACKS = ("adhesion",)
 """What scenes may ask for and the DEM lacks (`check_run`)."""
 
-OUTLINES_LACK = CELL_LACKS = ("materials", "cohesion", "rolling resistance", "Hertz' law")
-"""What it lacks as well where contacts are those of outlines, and in a periodic cell."""
+OUTLINES_LACK = ("materials", "cohesion", "rolling resistance", "Hertz' law")
+"""What it lacks as well where contacts are those of outlines."""
 
 
 class DemSession:
@@ -153,7 +153,7 @@ class DemSession:
         self.chosen = chosen_particles(scene, particles)
         check_memory(numerics, len(self.chosen), m, len(self.pairs))
         self._spheres: DisksAsSpheres | None = None
-        if has_hertz(scene):
+        if needs_spheres(scene):
             from ninedisk.core.dem.disks_as_spheres import DisksAsSpheres
 
             self._spheres = DisksAsSpheres(scene, numerics, self.pairs, self.chosen, threads=threads)
@@ -329,7 +329,7 @@ class DemSession:
         scene, numerics, arrays = read_checkpoint(path, Scene)
         if n_steps is not None:
             numerics = numerics.replace(n_steps=n_steps)
-        if has_hertz(scene):
+        if needs_spheres(scene):
             from ninedisk.core.dem.disks_as_spheres import DisksAsSpheres
 
             watch, chosen = DisksAsSpheres.asked(arrays)
@@ -487,9 +487,13 @@ class DemSession:
         return history_of(self._samples, rows, self.substeps, self.contact_dt, self.pairs, left_out)
 
 
-def has_hertz(scene: Scene) -> bool:
-    """Whether a law in use is Hertz'."""
-    return any(law.hertz for law in scene.laws_in_use)
+def needs_spheres(scene: Scene) -> bool:
+    """Whether a scene runs by the loop of spheres (`ninedisk.core.dem.disks_as_spheres`)."""
+    laws = scene.laws_in_use
+    if any(law.hertz for law in laws):
+        return True
+    more = bool(scene.laws) or any(law.cohesion > 0.0 or law.rolling is not None for law in laws)
+    return scene.cell is not None and more
 
 
 def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
@@ -508,7 +512,6 @@ def check_admission(scene: Scene, numerics: Numerics, threads: int) -> None:
     if needs_outlines(scene):
         check_run(scene, numerics, "the DEM of outlines", OUTLINES_LACK)
     if scene.cell is not None:
-        check_run(scene, numerics, "the DEM in a periodic cell", CELL_LACKS)
         check_cell(scene, numerics)
     if numerics.energy_budget and (needs_outlines(scene) or scene.cell is not None):
         where = "in a periodic cell" if scene.cell is not None else "for outlines"

@@ -149,6 +149,8 @@ class SphereScene(AnyScene):
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     dimension: ClassVar[int] = 3
+    dashpots_pull: ClassVar[bool] = True
+    """Whether linear dashpots may pull at the end of a contact."""
     kind_of_bodies: ClassVar[type[Bodies]] = Spheres
     kind_of_wall: ClassVar[type[AnyWall]] = PlaneWall
     __hash__ = None

@@ -94,17 +94,23 @@ def image_arrays(cell: Cell, n: int, widest: float) -> Images:
 
 
 def nearest(apart: NDArray[np.float64], edges: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The shortest of the vectors [m] to the images of a body ``apart`` [m]; edges are the columns of an upper triangular matrix.
+    """The shortest of the vectors [m] to the images of bodies ``apart`` [m], shape (..., 3), in cells whose edges are columns of upper
+    triangular matrices, shape (..., 3, 3).
 
     Of the layers of images the nearest ones are beside the one that rounding finds, or are that one; along the first edge it is that one.
     """
+
+    def moved(vector: NDArray[np.float64], axis: int, more: float = 0.0) -> NDArray[np.float64]:
+        count = np.round(vector[..., axis] / edges[..., axis, axis]) + more
+        return vector - count[..., None] * edges[..., :, axis]
+
     best = apart
     for above in (-1.0, 0.0, 1.0):
-        one = apart - (np.round(apart[2] / edges[2, 2]) + above) * edges[:, 2]
+        one = moved(apart, 2, above)
         for aside in (-1.0, 0.0, 1.0):
-            two = one - (np.round(one[1] / edges[1, 1]) + aside) * edges[:, 1]
-            two = two - np.round(two[0] / edges[0, 0]) * edges[:, 0]
-            best = min(best, two, key=np.linalg.norm)
+            two = moved(moved(one, 1, aside), 0)
+            closer = np.linalg.norm(two, axis=-1) < np.linalg.norm(best, axis=-1)
+            best = np.where(closer[..., None], two, best)
     return best
 
 
@@ -168,11 +174,11 @@ def law_tables(scene: SphereScene) -> tuple[NDArray[np.float64], Materials]:
     ).reshape(len(scene.walls), len(names))
     moves = np.array([bool(wall.motion) for wall in scene.walls], dtype=np.int64)
     materials = Materials(name, scene.spheres.fixed.astype(np.int64), pair, plane, moves)
-    return np.array([law_row(law) for law in known]), materials
+    return np.array([law_row(law, pulls=scene.dashpots_pull) for law in known]), materials
 
 
-def law_row(law: SphereLaw) -> list[float]:
-    """Columns of a law, as `ninedisk.core.dem.space.state` names them."""
+def law_row(law: SphereLaw, *, pulls: bool = True) -> list[float]:
+    """Columns of a law, as `ninedisk.core.dem.space.state` names them; ``pulls``: whether dashpots of linear laws may."""
     row = [
         float(law.hertz),
         4.0 / 3.0 * law.e_star if law.hertz else law.kn,
@@ -191,7 +197,8 @@ def law_row(law: SphereLaw) -> list[float]:
     # JKR's pull is part of its force, DMT's is beside Hertz' force.
     held = 3.0 * law.friction_pull if law.sticks else 4.0 * (law.friction_pull - 1.0)
     neck = (0.25 * pi * law.surface_energy / law.e_star) ** (2.0 / 3.0) if law.sticks else 0.0
-    return [*row, held * pi * law.surface_energy, neck]
+    least = -np.inf if pulls or law.hertz or law.cohesion > 0.0 else 0.0
+    return [*row, held * pi * law.surface_energy, neck, least]
 
 
 def compile_motion(walls: Sequence[PlaneWall]) -> Motion:

@@ -80,7 +80,9 @@ from ninedisk.core.dem.space.state import (
     FORCE,
     FRICTION,
     HERTZ,
+    KN,
     KS,
+    LEAST,
     MEMORY_WIDTH,
     MIDDLE,
     NECK,
@@ -196,12 +198,15 @@ def losses_of_chunk(
         if law[HERTZ] > 0.0:
             drag *= sqrt(sqrt(get_extra(scratch, SPRINGS + q) * max(scratch[REACH + q] - apart, 0.0)))
         losses.contacts[stripe, FRICTION] += friction
-        losses.contacts[stripe, DASHPOT] += step.loss_dt * drag * rate * rate
+        damped = drag * rate
+        if law[LEAST] == 0.0:
+            damped = max(damped, -law[KN] * max(scratch[REACH + q] - apart, 0.0))
+        losses.contacts[stripe, DASHPOT] += step.loss_dt * damped * rate
         losses.contacts[stripe, OF_LAW] += own
         if resisted:
-            rolled, damped = resistance_losses(law, step, q, scratch)
+            rolled, turned = resistance_losses(law, step, q, scratch)
             losses.contacts[stripe, ROLLED_ON] += rolled
-            losses.contacts[stripe, ROLLING_DASHPOT] += damped
+            losses.contacts[stripe, ROLLING_DASHPOT] += turned
 
 
 @inline_kernel

@@ -39,6 +39,7 @@ from ninedisk.core.dem.space.state import (
     HERTZ,
     KN,
     KS,
+    LEAST,
     MIDDLE,
     MU,
     PULL,
@@ -70,13 +71,22 @@ class Law(NamedTuple):
     rescale: bool
     pull: float
     held: float
+    least: float
 
 
 @inline_kernel
 def law_of(law: Floats) -> Law:
     """Numbers of a row of the laws: loops that write to the scratch then need not read the row again."""
     return Law(
-        law[KN], law[KS], law[MU], law[TORQUE_MID], law[SLIP_MID], law[UNLOADING] == RESCALE, law[PULL], law[HELD]
+        law[KN],
+        law[KS],
+        law[MU],
+        law[TORQUE_MID],
+        law[SLIP_MID],
+        law[UNLOADING] == RESCALE,
+        law[PULL],
+        law[HELD],
+        law[LEAST],
     )
 
 
@@ -221,7 +231,7 @@ def contact(
         if middle:
             gain = 0.5 * law.ks * (radius + sqrt(reduced * overlap_before))
         pushed = stiffness * overlap
-    pushed = pushed + damping * dot(touch.dashpot_dv, n)
+    pushed = max(pushed + damping * dot(touch.dashpot_dv, n), law.least)
     repulsive = max(pushed + law.held * reduced, 0.0)
     fn = pushed - law.pull * (reduced if hertz else overlap)
     u, spring = slip(middle, law.slip_mid, slip_dt, pose, touch)

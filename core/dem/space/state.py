@@ -19,8 +19,9 @@ the middle of the overlap, the slip's too; whether slip is that of mid-step; the
 radius, in the linear law over the overlap."""
 ROLL, TWIST = 10, 14
 """First columns of the two resistances, four each: model, mu, stiffness [N m/rad], damping ratio."""
-HELD, STICKS = 18, 19
-"""What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0."""
+HELD, STICKS, LEAST = 18, 19, 20
+"""What friction has beside fn and `PULL`, over the reduced radius [N/m]; of JKR's law ``(pi g/(4 E*))^(2/3)`` [m^(2/3)], else 0;
+least force of spring and dashpot together [N], 0 where the dashpot may not pull, else -inf."""
 
 NO_RESISTANCE, CONSTANT, SPRING, VISCOUS = 0, 1, 2, 3
 KEEPS, FORCE, RESCALE = 0, 1, 2

@@ -45,10 +45,10 @@ DISKS_ALONE = LACKS | {
     Capability.ENERGY_BUDGET,
     *ROLLING.values(),
 }
-"""What is lacking where contacts are those of outlines, and in a periodic cell."""
+"""What is lacking where contacts are those of outlines."""
 
 LACKS_IN_CELL = LACKS | {Capability.ENERGY_BUDGET, Capability.SURFACE_JKR}
-"""And in a periodic cell in 3D."""
+"""And in a periodic cell."""
 
 
 class DemEngine:
@@ -136,9 +136,9 @@ class DemEngine:
 
 
 def _lacks(scene: Scene | SphereScene) -> frozenset[Capability]:
-    if isinstance(scene, SphereScene):
-        return LACKS if scene.cell is None else LACKS_IN_CELL
-    return DISKS_ALONE if needs_outlines(scene) or scene.cell is not None else LACKS
+    if isinstance(scene, Scene) and needs_outlines(scene):
+        return DISKS_ALONE
+    return LACKS if scene.cell is None else LACKS_IN_CELL
 
 
 def _session(

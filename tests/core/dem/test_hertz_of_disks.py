@@ -14,7 +14,6 @@ from scenes import numerics
 
 from ninedisk.core import (
     BodyForce,
-    Cell,
     ContactLaw,
     Disks,
     History,
@@ -223,14 +222,12 @@ TAN = WallSegment(duration=1.0, tan_lever=(0.1, 0.0), tan_rate=0.1)
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        (crowd(walls=[], laws={}, cell=Cell(size=(30.0, 30.0)), forces=[]), "a periodic cell"),
         (outlined(), "Hertz' law, which the DEM of outlines does not have"),
         (crowd(replace(LAW, wall_velocity_at="mid-overlap")), "use 'surface'"),
         (crowd(walls=[Wall(name="w", point=(0.0, -3.0), normal=(0.0, 1.0), law=LAW, motion=(TAN,))], laws={}), "moves by a tangent"),
-        (crowd(walls=[Wall(name="w", point=(0.0, -3.0), normal=(0.0, 1.0), law=ContactLaw(kn=1e4, beta=0.1))], laws={}), "beta = 0"),
         (crowd(replace(LAW, g_star=0.0), laws={}), "give g_star > 0"),
     ],
-    ids=["cell", "outlines", "mid-overlap", "tangent", "linear dashpot", "no shear spring"],
+    ids=["outlines", "mid-overlap", "tangent", "no shear spring"],
 )  # fmt: skip
 def test_what_has_no_form_in_2d_is_refused_with_a_remedy(scene: Scene, words: str) -> None:
     with pytest.raises(InvalidSceneError, match=words):
