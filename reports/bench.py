@@ -26,6 +26,8 @@ SUITES = {
 Point = tuple[float, float, str]
 FAMILIES = ("settled", "flowing")
 """Problems that come in several sizes, by the first part of their names."""
+MIXED = "mixed"
+"""Problems of two sizes: ``mixed-RATIO-SMALL``."""
 ACCURACY = "accuracy-"
 SHORT = "-short"
 
@@ -135,6 +137,7 @@ def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
     accuracy = dict.fromkeys(row["problem"] for row in rows if row["problem"].startswith(ACCURACY))
     charts = [
         *(_scaling(rows, family) for family in FAMILIES),
+        _mixed(rows),
         _threads(rows),
         _memory(rows),
         *(_accuracy_charts(problem, [row for row in rows if row["problem"] == problem]) for problem in accuracy),
@@ -145,6 +148,24 @@ def dem_charts(rows: Sequence[Row]) -> list[PointChart]:
 def _scaling(rows: Sequence[Row], family: str) -> PointChart | None:
     dots = _lines(_by_size(rows, family), _engine_and_threads, lambda row: (row["disks"], row["rate"], row["problem"]))
     return PointChart(f"{family}: rate over size", f"{_size_noun(rows)}s", "particle-steps / s", dots) if dots else None
+
+
+def _mixed(rows: Sequence[Row]) -> PointChart | None:
+    """Rates over the ratio of large to small radii; ``settled``, of one size, is at 1."""
+    mixed = [row for row in rows if row["problem"].startswith(f"{MIXED}-")]
+    sizes = {row["problem"].split("-")[2] for row in mixed}
+    one_size = [row for row in rows if any(row["problem"] == f"settled-{size}" for size in sizes)]
+
+    def ratio(row: Row) -> int:
+        return int(row["problem"].split("-")[1]) if row["problem"].startswith(MIXED) else 1
+
+    dots = _lines(
+        sorted([*one_size, *mixed], key=ratio),
+        lambda row: f"{_engine_and_threads(row)}, {row['problem'].rpartition('-')[2]}",
+        lambda row: (ratio(row), row["rate"], row["problem"]),
+    )
+    title, label = "two sizes: rate over the ratio of their radii", "radius of the large ones / that of the small ones"
+    return PointChart(title, label, "particle-steps / s", dots) if mixed and dots else None
 
 
 def _threads(rows: Sequence[Row]) -> PointChart | None:

@@ -77,7 +77,7 @@ LARGEST_SETTLED = 10_000
 
 @dataclass(frozen=True, kw_only=True)
 class DemProblem:
-    """A scene, its contact step [s], the number of steps and the skin of neighbour lists [m].
+    """A scene, its contact step [s], the number of steps, the skin of neighbour lists [m], and radii [m] that end classes of sizes.
 
     Contacts start without shear force: no engine has to take over another one's history, and the packing that loses it moves,
     so that there is something to compare.
@@ -89,6 +89,7 @@ class DemProblem:
     steps: int
     skin: float
     short: bool = False
+    classes: tuple[float, ...] = ()
 
     suite: ClassVar[str] = "dem"
 
@@ -376,6 +377,7 @@ def run_peer(peer: Peer, engine: Engine, problem: DemProblem, limit: float, thre
             "dt": problem.contact_dt,
             "steps": problem.steps,
             "skin": problem.skin,
+            "classes": problem.classes,
             **_extra(peer, engine, problem, folder),
         }
         command = [*_command(peer, engine, threads), str(DRIVERS / f"{peer.id}_bench.py")]

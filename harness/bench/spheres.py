@@ -1,6 +1,7 @@
 """Suite ``spheres``: particle-steps per second of the in-house DEM of spheres beside LAMMPS and YADE.
 
-Spheres of Hertz-Mindlin's law lie settled in a box; everything else is as in the suite ``dem`` (`ninedisk.harness.bench.dem`).
+Spheres of Hertz-Mindlin's law lie settled in a box, in some problems with a layer of large ones on top; everything else is as in the suite
+``dem`` (`ninedisk.harness.bench.dem`).
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from math import pi
 from typing import ClassVar
 
 import numpy as np
@@ -15,8 +17,8 @@ import numpy as np
 from ninedisk.core.dem.space.session import SORT_FROM, SphereSession, contact_step
 from ninedisk.core.law import LeverArm, SlipAt, SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.packings.spheres import MATERIAL, settled_spheres
-from ninedisk.core.scene import SphereScene
+from ninedisk.core.packings.spheres import DENSITY, MATERIAL, settled_spheres
+from ninedisk.core.scene import Spheres, SphereScene
 from ninedisk.harness.bench import dem
 from ninedisk.harness.bench.dem import DemProblem, Peer
 from ninedisk.harness.bench.measure import Sample
@@ -29,6 +31,8 @@ DAMPED = 0.03
 WORK, WORK_SHORT = 10_000_000, 5_000_000
 """Particle-steps of a problem."""
 MOST_STEPS, MOST_STEPS_SHORT, FEWEST_STEPS = 5_000, 1_000, 60
+MIXED, RATIOS = "mixed", (5, 10, 20)
+"""Problems of two sizes, and radii of the large spheres over the mean of the small ones."""
 STEP = 0.1
 """Contact step over the critical one of a fall through the packing."""
 SKIN = 0.1
@@ -96,6 +100,7 @@ def problem_makers(
     for n in dict.fromkeys(sizes):
         kinds = ("", SHORT, UNDAMPED) if n <= SHORT_UP_TO else ("",)
         names = [f"settled-{n}{kind}" for kind in kinds]
+        names += [f"{MIXED}-{ratio}-{n}" for ratio in RATIOS if n >= ratio**3]
         if chosen := [name for name in names if wanted(name)]:
             found[chosen[0]] = partial(_problem_of_size, n, chosen, notify)
     return found
@@ -110,9 +115,45 @@ def _problem_of_size(n: int, names: list[str], notify: Callable[[int, int], None
         most, work = (MOST_STEPS_SHORT, WORK_SHORT) if short else (MOST_STEPS, WORK)
         steps = min(most, max(FEWEST_STEPS, work // n))
         skin = SKIN * float(scene.spheres.radius.mean())
-        chosen = without_dashpots(scene) if name.endswith(UNDAMPED) else scene
-        found.append(SphereProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, skin=skin, short=short))
+        chosen, classes = without_dashpots(scene) if name.endswith(UNDAMPED) else scene, ()
+        if name.startswith(MIXED):
+            ratio = int(name.split("-")[1])
+            chosen, classes = with_large_ones(scene, ratio), (float(scene.spheres.radius.max()),)
+        problem = SphereProblem(name=name, scene=chosen, contact_dt=dt, steps=steps, skin=skin, short=short)
+        found.append(replace(problem, classes=classes))
     return found
+
+
+def with_large_ones(scene: SphereScene, ratio: float) -> SphereScene:
+    """The settled packing with one layer of large spheres, each lowered onto it until it touches the first small one.
+
+    Their radius is ``ratio`` times the mean one, their material that of the others; a square of as many as are inside the box.
+    """
+    small = scene.spheres
+    large = ratio * float(small.radius.mean())
+    side = max(wall.point[0] for wall in scene.walls)
+    across = int(side / (2.0 * large))
+    if across == 0:
+        raise ValueError(
+            f"ratio = {ratio:g} is not allowed: a sphere of {2.0 * large:g} m does not go into a box of {side:g} m"
+        )
+    middles = (np.arange(across) + 0.5) * side / across
+    x = []
+    for place in np.stack(np.meshgrid(middles, middles), axis=-1).reshape(-1, 2):
+        apart2 = np.sum((small.x[:, :2] - place) ** 2, axis=1)
+        reach2 = (small.radius + large) ** 2
+        below = apart2 < reach2
+        x.append(
+            (
+                *place,
+                float(
+                    np.max(small.x[below, 2] + np.sqrt(reach2 - apart2, where=below, out=np.zeros(len(below)))[below])
+                ),
+            )
+        )
+    radius = np.append(small.radius, np.full(len(x), large))
+    mass = np.append(small.mass, np.full(len(x), DENSITY * 4.0 / 3.0 * pi * large**3))
+    return scene.replace(spheres=Spheres(x=np.vstack([small.x, x]), radius=radius, mass=mass))
 
 
 def without_dashpots(scene: SphereScene) -> SphereScene:
@@ -132,6 +173,7 @@ LAMMPS = replace(
         **dem.LAMMPS.settings,
         "pair_style": "granular: hertz/material, mindlin/force, coeff_restitution with e(beta)",
         "skin / mean radius": f"{SKIN:g}",
+        "neighbor": "bin; of two sizes multi, with an interval for each",
     },
 )
 YADE = replace(

@@ -87,7 +87,7 @@ def bench(
     Suites:
       dem      settled packings, a flowing one and the nine disks, these also with finer steps, error beside time:
                ours with 1, 2, .. threads, LAMMPS, YADE and all engines with springs that know the variant
-      spheres  settled boxes of 1,000 and 10,000 spheres, Hertz-Mindlin:
+      spheres  settled boxes of 1,000 and 10,000 spheres, Hertz-Mindlin, also with large ones of 5 to 20 radii:
                ours with 1, 2, .. threads, LAMMPS; YADE in the short ones
       cd       contact problems of packings, a tall column and a lattice to residual AND duality gap 1e-4 .. 1e-10,
                cold and warm: our solvers, Clarabel, PIQP, Siconos

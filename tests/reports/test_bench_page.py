@@ -69,6 +69,22 @@ def test_charts_over_size_threads_memory_and_cost() -> None:
     assert cost["yade"].names == ("5500 steps", "11000 steps", "22000 steps")
 
 
+def test_the_chart_of_two_sizes_begins_with_one_size() -> None:
+    rows = [
+        row("mixed-20-10000", seconds=0.8),
+        row("mixed-5-10000", seconds=0.6),
+        row("settled-10000"),
+        row("settled-1000"),
+    ]
+    rows += [row("mixed-5-10000", "lammps", seconds=2.0)]
+    drawn = {chart.title: chart for chart in charts(rows, "dem")}
+    dots = {each.key: each for each in drawn["two sizes: rate over the ratio of their radii"].dots}
+    assert set(dots) == {"dem, 10000", "lammps, 10000"}
+    assert dots["dem, 10000"].x == (1.0, 5.0, 20.0)
+    assert dots["dem, 10000"].y == (2e7, 1e7 / 0.6, 1e7 / 0.8)
+    assert "two sizes" not in "".join(chart.title for chart in charts([row("settled-10000")], "dem"))
+
+
 def test_spheres_are_called_so(tmp_path: Path) -> None:
     rows = [{**each, "suite": "spheres"} for each in many_rows()[:10]]
     assert {chart.x_label for chart in charts(rows, "spheres")} == {"spheres"}

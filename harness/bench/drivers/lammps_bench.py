@@ -55,9 +55,15 @@ def build(request):
         "comm_modify vel yes",
         f"region box block {box} units box",
         "create_box 1 box",
-        f"neighbor {float(request['skin'])!r} bin",
+        f"neighbor {float(request['skin'])!r} {'multi' if request['classes'] else 'bin'}",
         "neigh_modify delay 0 every 1 check yes",
     ]
+    if request["classes"]:  # a grid for each class, whose cells go by the largest distance at which two of it touch
+        ends = " ".join(repr(2.001 * end) for end in (*request["classes"], float(radius.max())))
+        commands += [
+            "comm_modify mode multi",
+            f"neigh_modify collection/interval {len(request['classes']) + 1} {ends}",
+        ]
     for command in commands:
         made.command(command)
     n = len(x)

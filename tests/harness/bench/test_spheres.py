@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ninedisk.core.packings.spheres import settled_spheres
@@ -83,3 +84,26 @@ def test_memory_and_counts_are_reported(problems: dict[str, SphereProblem]) -> N
     assert row["status"] == "pass"
     assert 500.0 < row["bytes_per_disk"] < 5_000.0
     assert row["listed_pairs"] >= row["contacts"] > 100
+
+
+def test_large_spheres_lie_on_the_small_ones(problems: dict[str, SphereProblem]) -> None:
+    """Each touches one and overlaps none; LAMMPS, with a grid for each class of sizes, then takes the same steps."""
+    plain = problems["settled-60-undamped"]
+    small = plain.scene.spheres
+    scene = spheres.with_large_ones(plain.scene, 1.6)
+    bodies, n = scene.spheres, len(plain.scene.spheres)
+    assert len(bodies) == n + 4
+    assert bodies.mass[n] / bodies.radius[n] ** 3 == pytest.approx(small.mass[0] / small.radius[0] ** 3)
+    gaps = np.linalg.norm(bodies.x[n:, None] - small.x, axis=2) - bodies.radius[n] - small.radius
+    np.testing.assert_allclose(gaps.min(axis=1), 0.0, atol=1e-15)
+    row = run(replace(plain, scene=scene, classes=(float(small.radius.max()),)), "lammps")
+    assert (row["status"], row["disks"]) == ("pass", n + 4), row["reason"]
+    assert row["check_value"] < 1e-9
+    with pytest.raises(ValueError, match="ratio = 10 is not allowed"):
+        spheres.with_large_ones(plain.scene, 10)
+
+
+def test_which_sizes_have_mixed_problems() -> None:
+    """Where a large sphere goes into the box."""
+    names = [list(problem_makers([n], lambda name: name.startswith("mixed"))) for n in (100, 1000, 10_000)]
+    assert names == [[], ["mixed-5-1000"], ["mixed-5-10000"]]
