@@ -113,6 +113,8 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             if (wider <= bulge).all():
                 break
             bulge = wider
+        # What a body that one frame alone has brings in, or takes, is not known.
+        reach = np.where(touch.passing[touch.label], np.inf, reach) if touch.passing.any() else reach
         squeeze = self._spring_forces(b, c)
         ev += 4.0 * hidden * (squeeze * h / bodies.mass)
         whole = Interval(b, c, h, dt, use, touch, dv, ev, hidden, squeeze)

@@ -66,6 +66,7 @@ class EnergyChecks(Touching):
         anchored = touch.held
         moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
+        unknown_work |= touch.passing
         for group in np.flatnonzero((walls & moving > 0) & (size > 0)):
             disks = np.flatnonzero((touch.label == group) & use)
             work = self._wall_work(
@@ -84,7 +85,7 @@ class EnergyChecks(Touching):
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
         tally.skip(
             int((real & unknown_work).sum()),
-            "moving walls on several sides, or of unknown friction, or fixed bodies that move, work",
+            "moving walls on several sides, or of unknown friction, or bodies that are moved, come or leave, work",
         )
         if scene.conservative:
             still = np.flatnonzero(real & ~blind & ~unknown_work & (parts["walls' work"] == 0.0))

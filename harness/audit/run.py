@@ -253,6 +253,8 @@ def _check(tally: Tally, auditor: Auditor, hint: str) -> dict[str, Any]:
         f"{why} ({count:,} of {tally.judged + tally.undecided:,})" for why, count in tally.why_not.most_common(3)
     ]
     worst = {} if tally.worst is None else {**tally.worst, "ratio": min(tally.worst["ratio"], 1e300)}
+    if tally.name == "particles" and verdict == VIOLATED and not auditor.scene.open:
+        hint = "; if bodies are meant to come or leave, write open = true in the TOML"
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
     if tally.name == "spin" and verdict == VIOLATED:

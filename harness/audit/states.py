@@ -59,6 +59,8 @@ class States:
             yield difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
 
     def _each(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
+        if self.scene.open:
+            self._find_everyone(progress)
         frames = self.trajectory.frames(progress)
         number = 0
         while (frame := next(frames, None)) is not None:
@@ -67,18 +69,40 @@ class States:
             number += 1
             yield state
 
+    def _find_everyone(self, progress: Callable[[int, int, str], None]) -> None:
+        """Bodies of an open run: those of all frames, each as it first appears. Rows without ids are those of the first frame."""
+        found: dict[str, list[FloatArray]] = {}
+        known = np.empty(0, dtype=np.int64)
+        for frame in self.trajectory.frames(progress):
+            if "id" not in frame.columns:
+                return
+            ids = _whole_ids(frame.columns["id"])
+            at = np.flatnonzero(~np.isin(ids, known))
+            known = np.union1d(known, ids)
+            for name in ("id", "radius", "mass", "type"):
+                if name in frame.columns:
+                    found.setdefault(name, []).append(frame.columns[name][at])
+        columns = {name: np.concatenate(parts) for name, parts in found.items()}
+        if not len(known):
+            raise UsageError(f"{self.trajectory.path} has no frame with {NOUN[self.scene.dimension]}s")
+        columns = {name: column for name, column in columns.items() if len(column) == len(columns["id"])}
+        ids = _whole_ids(columns["id"])
+        self.bodies = _bodies(self.trajectory.path, self.scene, ids, columns, self.trajectory.rounding)
+
     def _state(self, number: int, frame: Frame) -> State:
         """A frame in the order of the first one's ids."""
         columns = frame.columns
         ids = columns.get("id")
         n = len(columns["x"])
-        if n == 0:
+        if n == 0 and (self.bodies is None or not self.scene.open):
             raise UsageError(
-                f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file"
+                f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file, or write "
+                "open = true in the TOML where bodies come and leave"
             )
-        here = np.arange(n) if ids is None else np.nan_to_num(ids, nan=-1.0).astype(np.int64)
+        here = np.arange(n) if ids is None else _whole_ids(ids)
         if self.bodies is None:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
+        if number == 0:
             self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
         bodies = self.bodies
         row, doubled, new = _rows_of(bodies.id, here)
@@ -260,6 +284,11 @@ class States:
             )  # fmt: skip
         if finite:
             self._before = state.t
+
+
+def _whole_ids(ids: FloatArray) -> NDArray[np.int64]:
+    """Ids as integers; -1 for what is no number."""
+    return np.nan_to_num(ids, nan=-1.0).astype(np.int64)
 
 
 def _bodies(

@@ -24,7 +24,8 @@ EPS = 2.0**-52
 class Contacts:
     """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge.
 
-    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body.
+    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body, or one that is in one of
+    both frames alone: of the latter are ``passing``.
     """
 
     pairs: NDArray[np.int64]
@@ -36,6 +37,7 @@ class Contacts:
     across: NDArray[np.bool_]
     size: NDArray[np.int64]
     held: NDArray[np.bool_]
+    passing: NDArray[np.bool_]
 
 
 class Interval(NamedTuple):
@@ -162,14 +164,19 @@ class Touching:
 
         n, R = len(use), self.bodies.radius
         both = b.here & c.here
-        middle = 0.5 * (b.x + c.x)
         bow = np.where(self.bodies.fixed, 0.0, bulge)
-        reach = R + 0.5 * norm(c.x - b.x) + bow
+        x0, x1 = b.x, c.x
+        passing = b.here ^ c.here
+        if passing.any():
+            x0, x1, bow = self._passing_paths(b, c, bow)
+            both = b.here | c.here
+        middle = 0.5 * (x0 + x1)
+        reach = R + 0.5 * norm(x1 - x0) + bow
         pairs, shift = _close_pairs_of(both, middle, reach, b.cell)
         if not (c.here & ~b.here).any():
             self._overlaps(c, (pairs, shift))  # what overlaps in c was near in between
         near = np.empty(len(pairs), dtype=bool)
-        touching_pairs(pairs, shift, b.x, c.x, R, bow, use, near)
+        touching_pairs(pairs, shift, x0, x1, R, bow, use, near)
         pairs, shift = pairs[near], shift[near]
         i, j = pairs[:, 0], pairs[:, 1]
         anchored = np.zeros(n, dtype=bool)
@@ -181,7 +188,7 @@ class Touching:
             h = c.t - b.t
             slack = (R + bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None]
             walled = np.zeros((n, len(self.scene.walls)), dtype=bool)
-            for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
+            for share_t, x in ((0.0, x0), (0.5, middle), (1.0, x1)):
                 walled |= self.track.at(b.t + share_t * h).heights(x) <= slack
             on_wall = np.argwhere(walled & use[:, None])
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
@@ -190,9 +197,21 @@ class Touching:
         across = np.zeros(groups, dtype=bool)
         across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
         size = np.bincount(label if use.all() else label[use], minlength=groups)
-        fixed = np.zeros(groups, dtype=bool)
+        fixed, left = np.zeros(groups, dtype=bool), np.zeros(groups, dtype=bool)
         fixed[label[anchored]] = True
-        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed)
+        left[label[pairs[(passing[i] | passing[j])].ravel()]] = True
+        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed, left)
+
+    def _passing_paths(self, b: State, c: State, bow: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Places at both ends and bows of paths, also of bodies that one frame alone has: those go straight on, give or take a way."""
+        h = c.t - b.t
+        x0, x1, bow = b.x.copy(), c.x.copy(), bow.copy()
+        fastest = 0.0 if self.has_velocity else max(float(np.nanmax(norm(each.v), initial=0.0)) for each in (b, c))
+        for only, state, other, sign in ((c.here & ~b.here, c, x0, -1.0), (b.here & ~c.here, b, x1, 1.0)):
+            v = np.nan_to_num(state.v[only])
+            other[only] = state.x[only] + sign * h * v
+            bow[only] = h * np.maximum(norm(v), fastest) + 0.5 * h * h * norm(self.scene.gravity)
+        return x0, x1, bow
 
     def _name(self, disk: int) -> str:
         return f"{self.bodies.noun} {self.bodies.id[disk]}"
