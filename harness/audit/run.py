@@ -26,7 +26,7 @@ from ninedisk.harness.audit.tally import TITLES, Bodies, State, Tally
 FORMAT = 1
 VIOLATED, HOLDS, UNDECIDED = "violated", "holds", "not decidable"
 BY_WALLS = ("free", "momentum", "spin", "energy", "kept", "motion", "turning")
-"""Checks that a wall nobody gave may violate."""
+"""Checks that a wall or body nobody gave may violate."""
 POINTS = 1500
 """Instants of a curve that a record keeps; of more, the worst of each stretch."""
 SHOWN = 3000
@@ -80,12 +80,16 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
         auditor.finish()
     remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
     tallies = auditor.tallies | states.tallies
-    if not scene.walls_known:
-        tallies |= {name: _without_walls(tallies[name]) for name in BY_WALLS}
+    for unknown, way in (
+        (not scene.walls_known, "walls are not given, and {}: write [[walls]], or walls = [] where there are none"),
+        (scene.partial, "bodies are missing (partial = true), and {}"),
+    ):
+        if unknown:
+            tallies |= {name: _without(tallies[name], way) for name in BY_WALLS}
     tallies["cone"] = judge_contacts(scene, progress)
     tallies["history"] = judge_history(trajectory, scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    found: dict[str, Any] = _json_value(_record(path, trajectory, scene, auditor, tallies, remarks))
+    found: dict[str, Any] = _json_value(_record(path, states, scene, auditor, tallies, remarks))
     return found
 
 
@@ -111,18 +115,15 @@ def _ahead(states: Iterator[State]) -> Iterator[State]:
             yield state
 
 
-def _without_walls(tally: Tally) -> Tally:
-    """What a wall that nobody gave may have caused is not decidable; the place shows where one may be."""
+def _without(tally: Tally, way: str) -> Tally:
+    """What a wall or body that nobody gave may have caused is not decidable; the place shows where one may be."""
     if not tally.beyond:
         return tally
     first = tally.first
     assert first is not None
     found = Tally(tally.name, undecided=tally.undecided, why_not=tally.why_not)
-    found.skip(
-        tally.beyond,
-        f"walls are not given, and something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']}): write [[walls]], or "
-        "walls = [] where there are none",
-    )
+    pushed = f"something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']})"
+    found.skip(tally.beyond, way.format(pushed))
     return found
 
 
@@ -197,9 +198,9 @@ def _reversal(
 
 
 def _record(
-    path: Path, trajectory: Trajectory, scene: AuditScene, auditor: Auditor, tallies: Mapping[str, Tally], remarks: Mapping[str, str]
+    path: Path, states: States, scene: AuditScene, auditor: Auditor, tallies: Mapping[str, Tally], remarks: Mapping[str, str]
 ) -> dict[str, Any]:  # fmt: skip
-    bodies = auditor.bodies
+    bodies, trajectory = auditor.bodies, states.trajectory
     checks = [_check(tallies[name], auditor, remarks.get(name, "")) for name in TITLES]
     order = {VIOLATED: 0, HOLDS: 1, UNDECIDED: 2}
     checks.sort(
@@ -216,7 +217,8 @@ def _record(
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
         "t": _span([row["t"] for row in auditor.totals]), "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
         "dt": scene.dt, "dimension": scene.dimension,
-        "noun": bodies.noun, "remarks": [*trajectory.remarks, *filter(None, [auditor.velocity_remark()])], "digits": dict(auditor.digits),
+        "noun": bodies.noun, "digits": dict(auditor.digits),
+        "remarks": [*trajectory.remarks, *states.remarks, *filter(None, [auditor.velocity_remark()])],
         "walls": [wall.name for wall in scene.walls],
         "told": {
             "gravity": scene.gravity.tolist(), "mu": scene.mu, "kn": scene.kn, "ks": scene.ks, "restitution": scene.restitution,
@@ -279,7 +281,7 @@ def _worst_ratio(series: list[tuple[float, float, float]]) -> list[list[float]]:
     for row in series:
         if row[0] not in by_time or ratio(row) > ratio(by_time[row[0]]):
             by_time[row[0]] = row
-    rows = [row for row in by_time.values() if all(map(math.isfinite, row))]
+    rows = sorted(row for row in by_time.values() if all(map(math.isfinite, row)))
     every = max(1, -(-len(rows) // POINTS))
     found = [max(rows[k : k + every], key=ratio) for k in range(0, len(rows), every)]
     return [list(row) for row in found]

@@ -32,6 +32,7 @@ class States:
         self.tallies = {name: Tally(name) for name in ("finite", "particles", "time")}
         self.bodies: Bodies | None = None
         self.has_velocity = True
+        self.remarks: list[str] = []
         self._before: float | None = None
         self._missing: NDArray[np.bool_] | None = None
         self._last: State | None = None
@@ -102,6 +103,7 @@ class States:
         here = np.arange(n) if ids is None else _whole_ids(ids)
         if self.bodies is None:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
+            self.remarks += _remarks(self.scene, self.bodies, columns, here)
         if number == 0:
             self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
         bodies = self.bodies
@@ -284,6 +286,28 @@ class States:
             )  # fmt: skip
         if finite:
             self._before = state.t
+
+
+def _remarks(scene: AuditScene, bodies: Bodies, columns: Mapping[str, FloatArray], ids: NDArray[np.int64]) -> list[str]:
+    """What a reader of the first frame should know: numbers of the TOML that differ from the file's, ids that are not there."""
+    found = []
+    order = np.unique(ids, return_index=True)[1]
+    for name, used in (("radius", bodies.radius), ("mass", bodies.mass)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = used / columns[name][order] if name in columns else np.ones(1)
+        if (np.abs(ratio - 1.0) > OTHER).any():
+            k = int(np.argmax(np.abs(ratio - 1.0)))
+            by = "density" if name == "mass" and scene.mass is None and scene.density is not None else name
+            found.append(
+                f"{by} of the TOML replaces {name} of the file, which it makes {ratio[k]:.6g} times as large ({bodies.noun} {bodies.id[k]})"
+            )
+    gaps = int(bodies.id[-1] - bodies.id[0]) + 1 - len(bodies.id)
+    if gaps and not scene.partial and not scene.open:
+        found.append(
+            f"ids go from {bodies.id[0]} to {bodies.id[-1]}, and {gaps} of them are not there: if the file has a part of the bodies, write "
+            "partial = true"
+        )
+    return found
 
 
 def _whole_ids(ids: FloatArray) -> NDArray[np.int64]:
