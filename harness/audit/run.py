@@ -259,6 +259,9 @@ def _check(tally: Tally, auditor: Auditor, hint: str) -> dict[str, Any]:
         hint = "; if bodies are meant to come or leave, write open = true in the TOML"
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
+    if tally.name in ("energy", "overlap") and verdict == VIOLATED and auditor.scene.kn is not None and not hint:
+        others = (auditor.tallies[name].beyond for name in ("free", "momentum", "motion"))
+        hint = "" if any(others) else "; if contacts have different stiffnesses (Hertz, YADE), take kn out of the TOML"
     if tally.name == "spin" and verdict == VIOLATED:
         hint += spin_hint(auditor.scene)
     if tally.name == "momentum" and verdict == VIOLATED and "walls gave" in worst["who"]:

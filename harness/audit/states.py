@@ -119,7 +119,7 @@ class States:
             found = np.empty((len(bodies.id), len(names)))
             for axis, name in enumerate(names):
                 rule = self.trajectory.rounding.get(name, Rounding())
-                values = np.asarray(columns[name], dtype=float)[row]
+                values = np.asarray(columns[name], dtype=float)[row] if n else np.full(len(row), np.nan)
                 values[~present] = np.nan
                 rule.place(values, axis, single, found, error)
             return found, np.sqrt(error, out=error)

@@ -25,6 +25,7 @@ TITLES = {
     "energy": ("Energy grows only by the work of walls", "J"),
     "kept": ("Energy is conserved without friction and damping", "J"),
     "overlap": ("No overlap beyond springs or slop", "m"),
+    "step": ("Contacts last several steps of the engine", ""),
     "cone": ("Contact forces lie in the friction cone", "N"),
     "history": ("Shear forces of closed contacts keep their history", "N"),
     "reversal": ("The reversed run retraces the path", "m"),
