@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -62,7 +61,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     auditor: Auditor | None = None
     kept: list[State] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for state in _guarded_states(trajectory.path, _ahead(states.all(progress))):
+        for state in _ahead(states.all(progress)):
             if auditor is None:
                 assert states.bodies is not None
                 auditor = Auditor(
@@ -91,14 +90,6 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
     found: dict[str, Any] = _json_value(_record(path, states, scene, auditor, tallies, remarks))
     return found
-
-
-def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
-    """The same states; a file that breaks off within is the user's to mend."""
-    try:
-        yield from states
-    except (EOFError, OSError, zlib.error) as error:
-        raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
 
 
 def _ahead(states: Iterator[State]) -> Iterator[State]:
@@ -161,7 +152,7 @@ def _reversal(
     ex = ev = 0.0
     number = 0
     growth = auditor._growth[::-1]
-    for state in _guarded_states(scene.reverse, back.all(progress)):
+    for state in back.all(progress):
         if begin is None:
             begin = state.t
             if not back.has_velocity or back.bodies is None or not np.array_equal(back.bodies.id, auditor.bodies.id):

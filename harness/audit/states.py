@@ -77,17 +77,18 @@ class States:
         for frame in self.trajectory.frames(progress):
             if "id" not in frame.columns:
                 return
-            ids = _whole_ids(frame.columns["id"])
-            at = np.flatnonzero(~np.isin(ids, known))
+            ids = _whole_ids(frame.columns["id"], self.trajectory.path, frame.place)
+            new, first = np.unique(ids, return_index=True)
+            at = first[~np.isin(new, known)]
             known = np.union1d(known, ids)
             for name in ("id", "radius", "mass", "type"):
                 if name in frame.columns:
-                    found.setdefault(name, []).append(frame.columns[name][at])
+                    found.setdefault(name, []).append(ids[at] if name == "id" else frame.columns[name][at])
         columns = {name: np.concatenate(parts) for name, parts in found.items()}
         if not len(known):
             raise UsageError(f"{self.trajectory.path} has no frame with {NOUN[self.scene.dimension]}s")
         columns = {name: column for name, column in columns.items() if len(column) == len(columns["id"])}
-        ids = _whole_ids(columns["id"])
+        ids = columns["id"].astype(np.int64)
         self.bodies = _bodies(self.trajectory.path, self.scene, ids, columns, self.trajectory.rounding)
 
     def _state(self, number: int, frame: Frame) -> State:
@@ -100,7 +101,7 @@ class States:
                 f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file, or write "
                 "open = true in the TOML where bodies come and leave"
             )
-        here = np.arange(n) if ids is None else _whole_ids(ids)
+        here = np.arange(n) if ids is None else _whole_ids(ids, self.trajectory.path, frame.place)
         if self.bodies is None:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
             self.remarks += _remarks(self.scene, self.bodies, columns, here)
@@ -310,9 +311,13 @@ def _remarks(scene: AuditScene, bodies: Bodies, columns: Mapping[str, FloatArray
     return found
 
 
-def _whole_ids(ids: FloatArray) -> NDArray[np.int64]:
+def _whole_ids(ids: FloatArray, path: Path, place: str) -> NDArray[np.int64]:
     """Ids as integers; -1 for what is no number."""
-    return np.nan_to_num(ids, nan=-1.0).astype(np.int64)
+    known = np.nan_to_num(ids, nan=-1.0, posinf=-1.0, neginf=-1.0)
+    whole = known.astype(np.int64)
+    if (odd := np.flatnonzero(whole != known)).size:
+        raise UsageError(f"{path}, {place}: the id {known[odd[0]]:.12g} is no whole number")
+    return whole
 
 
 def _bodies(
