@@ -186,11 +186,12 @@ class Touching:
         on_wall = np.empty((0, 2), dtype=np.int64)
         if self.scene.walls:
             h = c.t - b.t
-            slack = (R + bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None]
+            slack = R + bow + 0.125 * norm(self.scene.gravity) * h * h
             walled = np.zeros((n, len(self.scene.walls)), dtype=bool)
             for share_t, x in ((0.0, x0), (0.5, middle), (1.0, x1)):
-                walled |= self.track.at(b.t + share_t * h).heights(x) <= slack
-            on_wall = np.argwhere(walled & use[:, None])
+                self.track.at(b.t + share_t * h).mark_low(x, slack, walled)
+            on_wall = np.argwhere(walled)
+            on_wall = on_wall[use[on_wall[:, 0]]]
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
         label = np.empty(n, dtype=np.int64)
         groups = pair_groups(pairs, ~held, label)
@@ -266,9 +267,14 @@ class Touching:
         i, j = near[0][kept].T
         kn, ks = (np.full(len(i), np.nan if value is None else value) for value in (scene.kn, scene.ks))
         if scene.walls:
-            over = np.nan_to_num(R[:, None] - self.track.at(state.t).heights(state.x), nan=-1.0)
-            on = np.argwhere((over > 0.0) & state.here[:, None])
-            i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
+            marks = np.zeros((n, len(scene.walls)), dtype=bool)
+            poses = self.track.at(state.t)
+            poses.mark_low(state.x, R, marks)
+            on = np.argwhere(marks)
+            over = R[on[:, 0]] - poses.heights(state.x[on[:, 0]])[np.arange(len(on)), on[:, 1]]
+            kept = (over > 0.0) & state.here[on[:, 0]]
+            on, over = on[kept], over[kept]
+            i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over]
             kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
                       for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
         return i.astype(np.int64), j.astype(np.int64), depth, kn, ks
