@@ -56,13 +56,15 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             self.tallies["kept"].skip(
                 1, "energy is kept only with restitution = 1 and mu = 0, both given, and no damping"
             )
-        if self.scene.dt is None or not (self.scene.kn or any(self.scene.wall_kn)):
-            self.tallies["step"].skip(1, "how long contacts last needs time.dt and contact.kn")
         held = self._held
         if len(held) == 2:
             self._interval(None, held[0], held[1], None)
         elif len(held) == 3:
             self._interval(held[0], held[1], held[2], None)
+        if self.scene.dt is None or not (self.scene.kn or any(self.scene.wall_kn)):
+            self.tallies["step"].skip(1, "how long contacts last needs time.dt and contact.kn")
+        elif not self.tallies["step"].judged:
+            self.tallies["step"].skip(1, "no bodies or walls of known stiffness overlap in any frame")
 
     def clock_hint(self) -> str:
         """How far positions move for what velocities say, where that is not once."""
