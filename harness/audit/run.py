@@ -79,12 +79,12 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
         auditor.finish()
     remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
     tallies = auditor.tallies | states.tallies
-    for unknown, way in (
+    for unknown, words in (
         (not scene.walls_known, "walls are not given, and {}: write [[walls]], or walls = [] where there are none"),
         (scene.partial, "bodies are missing (partial = true), and {}"),
     ):
         if unknown:
-            tallies |= {name: _without(tallies[name], way) for name in BY_WALLS}
+            tallies |= {name: _without(tallies[name], words) for name in BY_WALLS}
     tallies["cone"] = judge_contacts(scene, progress)
     tallies["history"] = judge_history(trajectory, scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
@@ -106,7 +106,7 @@ def _ahead(states: Iterator[State]) -> Iterator[State]:
             yield state
 
 
-def _without(tally: Tally, way: str) -> Tally:
+def _without(tally: Tally, words: str) -> Tally:
     """What a wall or body that nobody gave may have caused is not decidable; the place shows where one may be."""
     if not tally.beyond:
         return tally
@@ -114,7 +114,7 @@ def _without(tally: Tally, way: str) -> Tally:
     assert first is not None
     found = Tally(tally.name, undecided=tally.undecided, why_not=tally.why_not)
     pushed = f"something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']})"
-    found.skip(tally.beyond, way.format(pushed))
+    found.skip(tally.beyond, words.format(pushed))
     return found
 
 

@@ -83,7 +83,8 @@ class States:
             known = np.union1d(known, ids)
             for name in ("id", "radius", "mass", "type"):
                 if name in frame.columns:
-                    found.setdefault(name, []).append(ids[at] if name == "id" else frame.columns[name][at])
+                    values = frame.columns[name][at]
+                    found.setdefault(name, []).append(ids[at].astype(float) if name == "id" else values)
         columns = {name: np.concatenate(parts) for name, parts in found.items()}
         if not len(known):
             raise UsageError(f"{self.trajectory.path} has no frame with {NOUN[self.scene.dimension]}s")

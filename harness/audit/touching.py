@@ -272,8 +272,8 @@ class Touching:
             poses.mark_low(state.x, R, marks)
             on = np.argwhere(marks)
             over = R[on[:, 0]] - poses.heights(state.x[on[:, 0]])[np.arange(len(on)), on[:, 1]]
-            kept = (over > 0.0) & state.here[on[:, 0]]
-            on, over = on[kept], over[kept]
+            real = (over > 0.0) & state.here[on[:, 0]]
+            on, over = on[real], over[real]
             i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over]
             kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
                       for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
