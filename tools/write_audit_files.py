@@ -31,19 +31,20 @@ region fill block {fill}
 lattice {lattice}
 create_atoms 1 region fill
 set group all diameter 0.1
-variable d atom 0.08+0.04*((id*7)%11)/11
+variable d atom {twice}*(0.08+0.04*((id*7)%11)/11)
 set group all diameter v_d
 set group all density 2000
+{heavy}
 variable vx atom sin(id*3.1)
 variable vy atom sin(id*5.7)
 variable vz atom {vz}
 velocity all set v_vx v_vy {set_z}
 set group all omega {omega}
-pair_style gran/hooke/history 1e5 8e4 30 NULL {mu} 0
+pair_style gran/hooke/history {kn} 8e4 {dashpot} NULL {mu} 0
 pair_coeff * *
 neighbor 0.03 bin
-neigh_modify delay 0
-timestep 2e-5
+neigh_modify delay 0{lists}
+timestep {step}
 fix weight all gravity {g} vector {down}
 {walls}
 fix motion all nve/sphere{update}
@@ -66,7 +67,8 @@ def lammps_input(dimension: int, dump: str, **change: str) -> str:
     """Input of LAMMPS: spheres that fall into a box with open top, or a layer of them in the plane."""
     space = dimension == 3
     fields = {
-        "style": "sphere", "dimension": str(dimension), "mu": "0.3", "g": "9.81", "update": "",
+        "style": "sphere", "dimension": str(dimension), "mu": "0.3", "g": "9.81", "update": "", "kn": "1e5", "dashpot": "30",
+        "twice": "1", "heavy": "", "lists": "", "step": "2e-5",
         "more": "" if space else "fix plane all enforce2d",
         "boundary": "f f f" if space else "f f p",
         "box": "block -0.1 1.1 -0.1 1.1 -0.1 3" if space else "block -0.1 1.1 -0.1 3 -0.5 0.5",
@@ -75,7 +77,8 @@ def lammps_input(dimension: int, dump: str, **change: str) -> str:
         "omega": "3 -5 7" if space else "0 0 7", "down": "0 0 -1" if space else "0 -1 0",
         "walls": "\n".join(WALLS[dimension]),
     }  # fmt: skip
-    return BOX.format(**(fields | change)) + dump + f"\nrun {STEPS}\n"
+    fields |= change
+    return BOX.format(**fields) + dump + f"\nrun {fields.get('lasts', STEPS)}\n"
 
 
 def toml(dimension: int, walls: str, *, mu: float = 0.3, dt: float = 2e-5) -> str:
@@ -145,10 +148,17 @@ def restarted(name: str) -> tuple[str, str]:
     return command + "".join(halves[0]) + end + "\n", head + start + "\n" + made + "".join(halves[1])
 
 
+RADII = [round(0.04 + 0.02 * (k * 7 % 11) / 11, 15) for k in range(1, 28)]
+
+
 def with_radii(text: str) -> str:
     """The same with the radii of all bodies, for files that have none."""
-    radii = [round(0.04 + 0.02 * (k * 7 % 11) / 11, 15) for k in range(1, 28)]
-    return text.replace('{inertia = "sphere"}', f'{{inertia = "sphere", radius = {radii}}}')
+    return text.replace('{inertia = "sphere"}', f'{{inertia = "sphere", radius = {RADII}}}')
+
+
+def sized(text: str) -> str:
+    """The same with radii and density."""
+    return with_radii(text).replace("]}", "], density = 2000.0}")
 
 
 SPACE, PLANE = "floor x0 x1 y0 y1", "floor x0 x1"
@@ -161,6 +171,15 @@ BARE = DUMP.replace(" radius mass", "") + PRINTED + "\nwrite_data run.data"
 DATA = '[data]\nfile = "run.data"\n'
 HYBRID = {"style": "hybrid bond sphere", "more": "mass 1 1"}
 TRICLINIC = {"boundary": "p p f", "box": "prism 0 1 0 1 -0.1 3 0.2 0 0", "walls": WALLS[3][0]}
+UNSIZED, EVERY = DUMP.replace(" radius mass", ""), DUMP.replace("custom 40", "custom 20")
+ELASTIC = {"mu": "0", "walls": "", "omega": "0 0 0", "g": "0", "lasts": "2400"}
+ELASTIC_TOML = toml(3, "", mu=0.0).replace("-9.81", "0.0").replace("kn = 1e5", "restitution = 1.0, kn = 1e5")
+"""Bodies in flight that meet, before LAMMPS divides by mu = 0."""
+POURED = {
+    "boundary": "f f fm", "lasts": "8000",
+    "more": "comm_modify cutoff 0.2\nregion slab block 0.15 0.85 0.15 0.85 0.9 1.5 units box\n"
+    "fix pour all pour 60 1 4767 vol 0.3 10 diam range 0.08 0.12 dens 2000 2000 vel -0.3 0.3 -0.3 0.3 -2 region slab",
+}  # fmt: skip
 LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d": (3, DUMP + PRINTED, {}, toml(3, SPACE), []),
     "lammps-3d-six-digits": (3, DUMP, {}, toml(3, SPACE), []),
@@ -185,6 +204,30 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d-inertia-of-disks": (
         3, DUMP + PRINTED, {"update": ""}, toml(3, SPACE).replace('"sphere"', '"disk"'), ["spin"],
     ),
+    "lammps-3d-radii-of-the-toml": (3, UNSIZED + PRINTED, {}, sized(toml(3, SPACE)), []),
+    "lammps-3d-diameter-for-radius": (
+        3, UNSIZED + PRINTED, {"twice": "2", "lattice": "sc 0.3", "fill": "0.08 0.9 0.08 0.9 0.2 1.0"}, sized(toml(3, SPACE)), ["free"],
+    ),
+    "lammps-3d-radius-for-diameter": (3, UNSIZED + PRINTED, {"twice": "0.5"}, sized(toml(3, SPACE)), ["overlap"]),
+    "lammps-3d-mass": (
+        3, UNSIZED + PRINTED, {"heavy": "group odd id 1:27:2\nset group odd density 3000"}, sized(toml(3, SPACE)), ["momentum"],
+    ),
+    "lammps-3d-no-floor": (3, DUMP + PRINTED, {"walls": "\n".join(WALLS[3][1:])}, toml(3, SPACE), ["overlap"]),
+    "lammps-3d-stiffness-in-newton-per-millimetre": (
+        3, DUMP + PRINTED, {"kn": "1e2", "walls": "\n".join(WALLS[3]).replace("1e5", "1e2")}, toml(3, SPACE), ["overlap"],
+    ),
+    "lammps-3d-viscous": (3, DUMP + PRINTED, {"more": "fix drag all viscous 0.1"}, toml(3, SPACE), ["free"]),
+    "lammps-3d-dashpot": (3, DUMP + PRINTED, ELASTIC, ELASTIC_TOML, ["kept"]),
+    "lammps-3d-elastic": (3, DUMP + PRINTED, ELASTIC | {"dashpot": "0"}, ELASTIC_TOML, []),
+    "lammps-3d-stale-lists": (3, DUMP + PRINTED, {"lists": " every 100000 check no"}, toml(3, SPACE), ["overlap"]),
+    "lammps-3d-floor-shakes": (
+        3, DUMP + PRINTED, {"walls": "\n".join(WALLS[3]).replace("zplane 0 NULL", "zplane 0 NULL wiggle z 0.002 0.02")},
+        toml(3, SPACE), ["momentum"],
+    ),
+    "lammps-3d-step-right": (3, EVERY + PRINTED, {"step": "1e-4"}, toml(3, SPACE, dt=1e-4), []),
+    "lammps-3d-step-20-times-too-long": (3, EVERY + PRINTED, {"step": "2e-3"}, toml(3, SPACE, dt=2e-3), ["step"]),
+    "lammps-3d-poured": (3, DUMP + PRINTED, POURED, "open = true\n" + toml(3, SPACE), []),
+    "lammps-3d-poured-gravity": (3, DUMP + PRINTED, POURED | {"g": "9.80"}, "open = true\n" + toml(3, SPACE), ["free"]),
     "lammps-3d-wrong-step": (3, DUMP + PRINTED, {}, toml(3, SPACE, dt=4e-5), ["motion"]),
     "lammps-3d-radius-of-diameter": (3, DUMP + PRINTED, {}, toml(3, SPACE), ["overlap"]),
     "lammps-3d-torques": (3, TORQUES + PRINTED, {}, toml(3, SPACE), []),

@@ -61,6 +61,10 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             self._interval(None, held[0], held[1], None)
         elif len(held) == 3:
             self._interval(held[0], held[1], held[2], None)
+        if self.scene.dt is None or not (self.scene.kn or any(self.scene.wall_kn)):
+            self.tallies["step"].skip(1, "how long contacts last needs time.dt and contact.kn")
+        elif not self.tallies["step"].judged:
+            self.tallies["step"].skip(1, "no bodies or walls of known stiffness overlap in any frame")
 
     def clock_hint(self) -> str:
         """How far positions move for what velocities say, where that is not once."""
@@ -113,6 +117,8 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             if (wider <= bulge).all():
                 break
             bulge = wider
+        # What a body that one frame alone has brings in, or takes, is not known.
+        reach = np.where(touch.passing[touch.label], np.inf, reach) if touch.passing.any() else reach
         squeeze = self._spring_forces(b, c)
         ev += 4.0 * hidden * (squeeze * h / bodies.mass)
         whole = Interval(b, c, h, dt, use, touch, dv, ev, hidden, squeeze)

@@ -10,6 +10,9 @@ from ninedisk.harness.audit.geometry import Cone, friction_rays, norm
 from ninedisk.harness.audit.tally import State
 from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_sets
 
+SHARE = 0.1
+"""Share of its energy that a contact may gain or lose by the engine's step: about five steps a contact."""
+
 
 class EnergyChecks(Touching):
     """Checks of `Auditor` on energies and overlaps."""
@@ -66,6 +69,7 @@ class EnergyChecks(Touching):
         anchored = touch.held
         moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
+        unknown_work |= touch.passing
         for group in np.flatnonzero((walls & moving > 0) & (size > 0)):
             disks = np.flatnonzero((touch.label == group) & use)
             work = self._wall_work(
@@ -84,7 +88,7 @@ class EnergyChecks(Touching):
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
         tally.skip(
             int((real & unknown_work).sum()),
-            "moving walls on several sides, or of unknown friction, or fixed bodies that move, work",
+            "moving walls on several sides, or of unknown friction, or bodies that are moved, come or leave, work",
         )
         if scene.conservative:
             still = np.flatnonzero(real & ~blind & ~unknown_work & (parts["walls' work"] == 0.0))
@@ -232,6 +236,7 @@ class EnergyChecks(Touching):
             least = {"high": high, "err": doubt, "use": use, "lag": lag}
         self._least = least
         self._depths(c, budget - float(own.sum()) + doubt + lag)
+        self._check_step(c)
         _, _, depth, _, _ = self._overlaps(c)
         self.totals.append({
             "t": c.t, **{f"p{axis}": float(value) for axis, value in zip("xyz", P, strict=False)},
@@ -239,6 +244,26 @@ class EnergyChecks(Touching):
             "kinetic": float(energies[0]), "potential": float(energies[1]), "springs": stored,
             "overlap": float(depth.max()) if len(depth) else 0.0, "disks": int(c.here.sum()),
         })  # fmt: skip
+
+    def _check_step(self, c: State) -> None:
+        """Each contact lasts several steps: one that starts anywhere within a step errs by up to ``kn (v dt)^2/8`` of ``m v^2/2``."""
+        tally, dt = self.tallies["step"], self.scene.dt
+        n, mass = len(self.bodies.id), self.bodies.mass
+        i, j, _, kn, _ = self._overlaps(c)
+        at = np.flatnonzero(np.isfinite(kn))
+        if dt is None or not len(at):
+            return
+        i, j, walled = i[at], np.minimum(j[at], n - 1), j[at] >= n
+        share = 0.25 * dt * dt * kn[at] * (1.0 / mass[i] + np.where(walled, 0.0, 1.0 / mass[j]))
+
+        def who(k: int) -> str:
+            return (
+                f"{self._name(i[k])}{' on a wall' if walled[k] else f' and {self._name(j[k])}'}, whose contact lasts "
+                f"{0.5 * np.pi / np.sqrt(share[k]):.2g} steps; value: share of its energy that it may gain or lose"
+            )
+
+        allowed = {"a tenth, that of five steps": np.full(len(at), SHARE)}
+        tally.judge(c, share, allowed, who, lambda k: np.array([i[k]] if walled[k] else [i[k], j[k]]))
 
     def _depths(self, c: State, left: float) -> None:
         """Overlaps: of rigid disks none, of springs what the energy left [J] can squeeze; of unknown ones short of a centre."""

@@ -17,7 +17,8 @@ gravity = [0.0, -9.81]             # [m/s^2]
 # dimension = 2                    # or 3; the vectors say it as well
 # damping = 0.0                    # global damping [1/s]: m a + damping m v = F
 # reverse = "back.csv"             # a run from the end with all velocities reversed
-# open = true                      # disks may leave
+# open = true                      # disks may come and leave
+# partial = true                   # the file has a part of the disks
 # single = true                    # the engine computes in single precision, whatever the file shows
 # periodic = ["x"]                 # axes along which a domain repeats of which the file does not say so: MercuryDPM's
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.read import read_trajectory
-from ninedisk.harness.audit.readers.columns import Frame, Trajectory
+from ninedisk.harness.audit.readers.columns import Frame, Progress, Trajectory
 from ninedisk.harness.audit.readers.mercury import MERCURY_CONTACTS
 from ninedisk.harness.audit.readers.rounding import Rounding
-from ninedisk.harness.audit.scene import AuditScene
+from ninedisk.harness.audit.scene import AuditScene, ContactFile
 from ninedisk.harness.audit.tally import State, Tally
 
 ALIGNED = 0.999
@@ -92,62 +93,80 @@ def _check_walls(scene: AuditScene, file: Trajectory, frame: Frame) -> None:
             )
 
 
+def open_contacts(given: ContactFile) -> Trajectory:
+    """A file of contact forces; partners are the wall where the TOML names one."""
+    file = read_trajectory(given.path, given.columns, ())
+    if given.wall is None:
+        return file
+    number = float(-1 - given.wall)
+
+    def frames(progress: Progress) -> Iterator[Frame]:
+        for frame in file.frames(progress):
+            size = len(next(iter(frame.columns.values()), ()))
+            yield replace(frame, columns={**frame.columns, "j": np.full(size, number)})
+
+    return replace(file, frames=frames)
+
+
 def judge_contacts(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally:
     """Every contact force given: it pushes, and its shear part is at most mu times that."""
     tally = Tally("cone")
-    if scene.contacts is None:
+    if not scene.contacts:
         tally.skip(
             1,
             'no contact forces are given: [contacts] file = "..." with columns i, j, fn, fs (docs/how-to/audit-a-trajectory.md)',
         )
         return tally
-    file = read_trajectory(scene.contacts, scene.contact_columns, ())
+    for given in scene.contacts:
+        file = open_contacts(given)
+        for frame in file.frames(progress):
+            _judge_frame(tally, scene, file, frame)
+    return tally
+
+
+def _judge_frame(tally: Tally, scene: AuditScene, file: Trajectory, frame: Frame) -> None:
     noun = "disk" if scene.dimension == 2 else "sphere"
     n_walls = len(scene.walls)
-    for frame in file.frames(progress):
-        columns = frame.columns
-        if file.form == MERCURY_CONTACTS:
-            _check_walls(scene, file, frame)
-        fn, fs, rules = force_parts(scene, file, frame)
-        j = columns.get("j", np.zeros(len(fn)))
-        mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)
-        for w in range(n_walls):
-            given = scene.wall_mu[w]
-            mu[j == -1 - w] = np.nan if given is None else given
-        en, es = rules
-        known = np.isfinite(mu) & np.isfinite(fn) & np.isfinite(fs)
-        i = columns.get("i", np.arange(len(fn), dtype=float))
-        t = frame.t if np.isfinite(frame.t) else frame.step * (scene.dt or math.nan)
-        none = np.empty(0)
-        state = State(
-            step=frame.step, t=t, et=0.0, place=frame.place, x=none, v=none, omega=None, angle=None, ex=none, ev=none, eo=none,
-            ea=none, here=np.empty(0, dtype=bool),
-        )  # fmt: skip
-        at = np.flatnonzero(known)
+    columns = frame.columns
+    if file.form == MERCURY_CONTACTS:
+        _check_walls(scene, file, frame)
+    fn, fs, rules = force_parts(scene, file, frame)
+    j = columns.get("j", np.zeros(len(fn)))
+    mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)
+    for w in range(n_walls):
+        given = scene.wall_mu[w]
+        mu[j == -1 - w] = np.nan if given is None else given
+    en, es = rules
+    known = np.isfinite(mu) & np.isfinite(fn) & np.isfinite(fs)
+    i = columns.get("i", np.arange(len(fn), dtype=float))
+    t = frame.t if np.isfinite(frame.t) else frame.step * (scene.dt or math.nan)
+    none = np.empty(0)
+    state = State(
+        step=frame.step, t=t, et=0.0, place=frame.place, x=none, v=none, omega=None, angle=None, ex=none, ev=none, eo=none,
+        ea=none, here=np.empty(0, dtype=bool),
+    )  # fmt: skip
+    at = np.flatnonzero(known)
 
-        def who(k: int, i: FloatArray = i, j: FloatArray = j, at: NDArray[np.int64] = at) -> str:
-            other = (
-                f"wall {scene.walls[int(-1 - j[at[k]])].name!r}"
-                if -n_walls <= j[at[k]] < 0
-                else f"{noun} {j[at[k]]:.0f}"
-            )
-            return f"contact of {noun} {i[at[k]]:.0f} with {other}"
+    def who(k: int, i: FloatArray = i, j: FloatArray = j, at: NDArray[np.int64] = at) -> str:
+        other = (
+            f"wall {scene.walls[int(-1 - j[at[k]])].name!r}" if -n_walls <= j[at[k]] < 0 else f"{noun} {j[at[k]]:.0f}"
+        )
+        return f"contact of {noun} {i[at[k]]:.0f} with {other}"
 
-        pull = np.zeros(len(fn)) if scene.cohesive or scene.pull else np.maximum(-fn, 0.0)
-        beyond = np.maximum(np.abs(fs) - np.nan_to_num(mu) * (np.abs(fn) if scene.pull else np.maximum(fn, 0.0)), 0.0)
-        if scene.cohesive:
-            tally.skip(len(at), "cohesion carries shear beyond mu fn, by an unknown amount")
-            continue
-        value = np.maximum(pull, beyond)
-        if scene.pull:
-            tally.skip(
-                int((fn < 0.0).sum()), "dashpots may pull at the end of a contact: pull = false states that none does"
-            )
-        tally.judge(state, value[at], {"digits of fs": es[at], "mu times the digits of fn": (np.nan_to_num(mu) * en + en)[at]}, who,
+    pull = np.zeros(len(fn)) if scene.cohesive or scene.pull else np.maximum(-fn, 0.0)
+    beyond = np.maximum(np.abs(fs) - np.nan_to_num(mu) * (np.abs(fn) if scene.pull else np.maximum(fn, 0.0)), 0.0)
+    if scene.cohesive:
+        tally.skip(len(at), "cohesion carries shear beyond mu fn, by an unknown amount")
+        return
+    value = np.maximum(pull, beyond)
+    if scene.pull:
+        tally.skip(
+            int((fn < 0.0).sum()), "dashpots may pull at the end of a contact: pull = false states that none does"
+        )
+    tally.judge(state, value[at], {"digits of fs": es[at], "mu times the digits of fn": (np.nan_to_num(mu) * en + en)[at]}, who,
+                lambda _: np.empty(0, dtype=np.int64))  # fmt: skip
+    tally.skip(int((~known).sum()), "mu of the contact is not given")
+    if (odd := int((~(np.isfinite(fn) & np.isfinite(fs))).sum())) and scene.mu is not None:
+        bad = float(odd)
+        tally.judge(state, np.array([bad]), {"none is allowed": np.zeros(1)}, lambda _: "a force that is no number",
                     lambda _: np.empty(0, dtype=np.int64))  # fmt: skip
-        tally.skip(int((~known).sum()), "mu of the contact is not given")
-        if (odd := int((~(np.isfinite(fn) & np.isfinite(fs))).sum())) and scene.mu is not None:
-            bad = float(odd)
-            tally.judge(state, np.array([bad]), {"none is allowed": np.zeros(1)}, lambda _: "a force that is no number",
-                        lambda _: np.empty(0, dtype=np.int64))  # fmt: skip
-    return tally

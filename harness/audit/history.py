@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.harness.audit.forces import force_parts
+from ninedisk.harness.audit.forces import force_parts, open_contacts
 from ninedisk.harness.audit.geometry import norm, turning
-from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.readers.columns import Frame, Trajectory
 from ninedisk.harness.audit.scene import AuditScene
 from ninedisk.harness.audit.states import States
@@ -64,8 +63,14 @@ def judge_history(trajectory: Trajectory, scene: AuditScene, progress: Callable[
     if why:
         tally.skip(1, why)
         return tally
-    assert scene.contacts is not None
-    file = read_trajectory(scene.contacts, scene.contact_columns, ())
+    for given in scene.contacts:
+        _judge_file(tally, trajectory, scene, open_contacts(given), progress)
+    return tally
+
+
+def _judge_file(
+    tally: Tally, trajectory: Trajectory, scene: AuditScene, file: Trajectory, progress: Callable[[int, int, str], None]
+) -> None:
     states = States(trajectory, scene)
     before: tuple[State, _Listed] | None = None
     matched = 0
@@ -75,7 +80,7 @@ def judge_history(trajectory: Trajectory, scene: AuditScene, progress: Callable[
             continue
         if state.omega is None or not states.has_velocity:
             tally.skip(1, "slip needs velocities and spins of the bodies")
-            return tally
+            return
         matched += 1
         listed = _Listed(scene, file, frame, states.bodies)
         if before is not None:
@@ -83,11 +88,10 @@ def judge_history(trajectory: Trajectory, scene: AuditScene, progress: Callable[
         before = state, listed
     if matched < 2:
         tally.skip(1, "frames of the contacts have other times than those of the trajectory, or no columns i and j")
-    return tally
 
 
 def _undecidable(scene: AuditScene) -> str:
-    if scene.contacts is None:
+    if not scene.contacts:
         return 'no contact forces are given: [contacts] file = "..." with columns i, j, fn, fs'
     if lacking := [name for name in ("mu", "kn", "ks") if getattr(scene, name) is None]:
         return f"whether a shear force was lost needs contact.{lacking[0]}"

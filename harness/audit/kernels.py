@@ -113,6 +113,20 @@ def touching_pairs(
 
 
 @kernel
+def mark_low(
+    x: FloatArray, normal: FloatArray, offset: FloatArray, slack: FloatArray, marks: NDArray[np.bool_]
+) -> None:
+    """Mark bodies whose height above a wall is at most their slack; ``offset`` (m,) is that of each wall along its normal (m, d)."""
+    for k in range(len(x)):
+        for w in range(len(normal)):
+            height = -offset[w]
+            for axis in range(x.shape[1]):
+                height += x[k, axis] * normal[w, axis]
+            if height <= slack[k]:
+                marks[k, w] = True
+
+
+@kernel
 def pair_depths(pairs: Ints, shift: FloatArray, x: FloatArray, R: FloatArray, depth: FloatArray) -> None:
     """Sum of the radii less the distance of each pair; ``shift`` as in `touching_pairs`."""
     for k in range(len(pairs)):

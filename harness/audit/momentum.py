@@ -141,7 +141,7 @@ class MomentumChecks(Touching):
         several = np.flatnonzero(clear & (size > 1))
         who, members = self._group_words(touch, several, use)
         tally.judge(c, norm(got[several]), {"digits of v and t": allowed[several]}, who, members)
-        tally.skip(int((anchored & (size > 0)).sum()), "fixed disks take momentum")
+        tally.skip(int((anchored & (size > 0)).sum()), "bodies that are fixed, come or leave take momentum")
         pulls = self._pulls(interval)
         cones: dict[int, Cone | None] = {}
         for code in np.unique(walls[(walls > 0) & ~anchored & (size > 0)]):

@@ -55,6 +55,25 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     UsageError
         Naming file, line, column, what is allowed and the way out; while frames are read, too.
     """
+    try:
+        trajectory = _opened(path, columns, needed)
+    except (EOFError, OSError, zlib.error) as error:
+        raise _broken(path, error) from error
+
+    def frames(progress: Progress) -> Iterator[Frame]:
+        try:
+            yield from trajectory.frames(progress)
+        except (EOFError, OSError, zlib.error) as error:
+            raise _broken(path, error) from error
+
+    return replace(trajectory, frames=frames)
+
+
+def _broken(path: Path, error: Exception) -> UsageError:
+    return UsageError(f"{path} cannot be read to its end ({error}): it is cut off or damaged; copy or write it anew")
+
+
+def _opened(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
     if not path.exists():
         raise UsageError(f"there is no {str(path)!r}: give {FORMS}")
     if path.is_dir() and yade_files(path):
@@ -76,6 +95,8 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
             second = stream.readline(1 << 16)
         except (OSError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
+    if not head:
+        raise UsageError(f"{path}, line 1: the file is empty: give {FORMS}")
     if way := single_file(path):
         raise UsageError(way)
     if is_mercury_data(head, second):

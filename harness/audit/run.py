@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -26,7 +25,7 @@ from ninedisk.harness.audit.tally import TITLES, Bodies, State, Tally
 FORMAT = 1
 VIOLATED, HOLDS, UNDECIDED = "violated", "holds", "not decidable"
 BY_WALLS = ("free", "momentum", "spin", "energy", "kept", "motion", "turning")
-"""Checks that a wall nobody gave may violate."""
+"""Checks that a wall or body nobody gave may violate."""
 POINTS = 1500
 """Instants of a curve that a record keeps; of more, the worst of each stretch."""
 SHOWN = 3000
@@ -62,7 +61,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     auditor: Auditor | None = None
     kept: list[State] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for state in _guarded_states(trajectory.path, _ahead(states.all(progress))):
+        for state in _ahead(states.all(progress)):
             if auditor is None:
                 assert states.bodies is not None
                 auditor = Auditor(
@@ -80,21 +79,17 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
         auditor.finish()
     remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
     tallies = auditor.tallies | states.tallies
-    if not scene.walls_known:
-        tallies |= {name: _without_walls(tallies[name]) for name in BY_WALLS}
+    for unknown, words in (
+        (not scene.walls_known, "walls are not given, and {}: write [[walls]], or walls = [] where there are none"),
+        (scene.partial, "bodies are missing (partial = true), and {}"),
+    ):
+        if unknown:
+            tallies |= {name: _without(tallies[name], words) for name in BY_WALLS}
     tallies["cone"] = judge_contacts(scene, progress)
     tallies["history"] = judge_history(trajectory, scene, progress)
     tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    found: dict[str, Any] = _json_value(_record(path, trajectory, scene, auditor, tallies, remarks))
+    found: dict[str, Any] = _json_value(_record(path, states, scene, auditor, tallies, remarks))
     return found
-
-
-def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
-    """The same states; a file that breaks off within is the user's to mend."""
-    try:
-        yield from states
-    except (EOFError, OSError, zlib.error) as error:
-        raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
 
 
 def _ahead(states: Iterator[State]) -> Iterator[State]:
@@ -111,18 +106,15 @@ def _ahead(states: Iterator[State]) -> Iterator[State]:
             yield state
 
 
-def _without_walls(tally: Tally) -> Tally:
-    """What a wall that nobody gave may have caused is not decidable; the place shows where one may be."""
+def _without(tally: Tally, words: str) -> Tally:
+    """What a wall or body that nobody gave may have caused is not decidable; the place shows where one may be."""
     if not tally.beyond:
         return tally
     first = tally.first
     assert first is not None
     found = Tally(tally.name, undecided=tally.undecided, why_not=tally.why_not)
-    found.skip(
-        tally.beyond,
-        f"walls are not given, and something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']}): write [[walls]], or "
-        "walls = [] where there are none",
-    )
+    pushed = f"something pushed {first['who']} at t = {first['t']:.6g} s ({first['place']})"
+    found.skip(tally.beyond, words.format(pushed))
     return found
 
 
@@ -160,7 +152,7 @@ def _reversal(
     ex = ev = 0.0
     number = 0
     growth = auditor._growth[::-1]
-    for state in _guarded_states(scene.reverse, back.all(progress)):
+    for state in back.all(progress):
         if begin is None:
             begin = state.t
             if not back.has_velocity or back.bodies is None or not np.array_equal(back.bodies.id, auditor.bodies.id):
@@ -197,9 +189,9 @@ def _reversal(
 
 
 def _record(
-    path: Path, trajectory: Trajectory, scene: AuditScene, auditor: Auditor, tallies: Mapping[str, Tally], remarks: Mapping[str, str]
+    path: Path, states: States, scene: AuditScene, auditor: Auditor, tallies: Mapping[str, Tally], remarks: Mapping[str, str]
 ) -> dict[str, Any]:  # fmt: skip
-    bodies = auditor.bodies
+    bodies, trajectory = auditor.bodies, states.trajectory
     checks = [_check(tallies[name], auditor, remarks.get(name, "")) for name in TITLES]
     order = {VIOLATED: 0, HOLDS: 1, UNDECIDED: 2}
     checks.sort(
@@ -216,7 +208,8 @@ def _record(
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
         "t": _span([row["t"] for row in auditor.totals]), "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
         "dt": scene.dt, "dimension": scene.dimension,
-        "noun": bodies.noun, "remarks": [*trajectory.remarks, *filter(None, [auditor.velocity_remark()])], "digits": dict(auditor.digits),
+        "noun": bodies.noun, "digits": dict(auditor.digits),
+        "remarks": [*trajectory.remarks, *states.remarks, *filter(None, [auditor.velocity_remark()])],
         "walls": [wall.name for wall in scene.walls],
         "told": {
             "gravity": scene.gravity.tolist(), "mu": scene.mu, "kn": scene.kn, "ks": scene.ks, "restitution": scene.restitution,
@@ -253,8 +246,13 @@ def _check(tally: Tally, auditor: Auditor, hint: str) -> dict[str, Any]:
         f"{why} ({count:,} of {tally.judged + tally.undecided:,})" for why, count in tally.why_not.most_common(3)
     ]
     worst = {} if tally.worst is None else {**tally.worst, "ratio": min(tally.worst["ratio"], 1e300)}
+    if tally.name == "particles" and verdict == VIOLATED and not auditor.scene.open:
+        hint = "; if bodies are meant to come or leave, write open = true in the TOML"
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
+    if tally.name in ("energy", "overlap") and verdict == VIOLATED and auditor.scene.kn is not None and not hint:
+        others = (auditor.tallies[name].beyond for name in ("free", "momentum", "motion"))
+        hint = "" if any(others) else "; if contacts have different stiffnesses (Hertz, YADE), take kn out of the TOML"
     if tally.name == "spin" and verdict == VIOLATED:
         hint += spin_hint(auditor.scene)
     if tally.name == "momentum" and verdict == VIOLATED and "walls gave" in worst["who"]:
@@ -277,7 +275,7 @@ def _worst_ratio(series: list[tuple[float, float, float]]) -> list[list[float]]:
     for row in series:
         if row[0] not in by_time or ratio(row) > ratio(by_time[row[0]]):
             by_time[row[0]] = row
-    rows = [row for row in by_time.values() if all(map(math.isfinite, row))]
+    rows = sorted(row for row in by_time.values() if all(map(math.isfinite, row)))
     every = max(1, -(-len(rows) // POINTS))
     found = [max(rows[k : k + every], key=ratio) for k in range(0, len(rows), every)]
     return [list(row) for row in found]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,14 +34,14 @@ MOST_WALLS = 60
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
         "dimension", "gravity", "damping", "time", "disks", "spheres", "contact", "walls", "columns", "contacts", "reverse", "periodic",
-        "data", "open", "single",
+        "data", "open", "partial", "single",
     ),
     "time": ("dt", "interval"),
     "disks": ("radius", "mass", "density", "inertia", "fixed"),
     "spheres": ("radius", "mass", "density", "inertia", "fixed"),
     "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "pull", "rolling", "lever_arm"),
     "walls": ("name", "point", "normal", "mu", "kn", "ks", "motion"),
-    "contacts": ("file", "columns"),
+    "contacts": ("file", "columns", "wall"),
     "data": ("file", "style"),
 }  # fmt: skip
 """Every key by its table."""
@@ -52,6 +52,15 @@ LARGEST = 1e75
 """Numbers from here on count as no numbers: energies would overflow."""
 Fact = float | FloatArray | Mapping[int, float]
 """A property of disks: one number, one a disk in the order of ids, or one a type."""
+
+
+@dataclass(frozen=True)
+class ContactFile:
+    """A file of contact forces, names of its columns, and the number of the wall that all of them touch, None: it has partners."""
+
+    path: Path
+    columns: Mapping[str, str]
+    wall: int | None = None
 
 
 @dataclass(frozen=True)
@@ -91,16 +100,19 @@ class AuditScene:
     walls : tuple of Wall or PlaneWall
         Their laws hold mu, kn (1 where none is known) and ks.
     wall_kn : tuple of float or None
-    columns, contact_columns : mapping
+    columns : mapping
         Name here -> name in the file.
-    contacts, reverse : Path or None
-        File of contact forces; trajectory that starts at this one's end with all velocities turned round.
+    contacts : tuple of ContactFile
+    reverse : Path or None
+        Trajectory that starts at this one's end with all velocities turned round.
     periodic : tuple of {"x", "y", "z"}
         Axes along which the domain of a file repeats that does not say so.
     data, data_style : Path, str or None
         LAMMPS data file with radii and masses; its atom style where its own head does not say enough.
     open : bool
-        Disks may leave.
+        Bodies may come and leave.
+    partial : bool
+        The file has a part of the bodies: what others would explain is not judged.
     single : bool
         The engine computes in single precision, whatever its file shows.
     """
@@ -133,13 +145,13 @@ class AuditScene:
     wall_kn: tuple[float | None, ...] = ()
     wall_ks: tuple[float | None, ...] = ()
     columns: Mapping[str, str] = field(default_factory=dict)
-    contact_columns: Mapping[str, str] = field(default_factory=dict)
-    contacts: Path | None = None
+    contacts: tuple[ContactFile, ...] = ()
     reverse: Path | None = None
     periodic: tuple[str, ...] = ()
     data: Path | None = None
     data_style: str | None = None
     open: bool = False
+    partial: bool = False
     single: bool = False
 
     def in_dimension(self, dimension: int) -> AuditScene:
@@ -180,7 +192,7 @@ class _Reader:
     def __init__(self, path: Path, text: str | None = None) -> None:
         self.path = path
         try:
-            self.text = path.read_text(encoding="utf-8") if text is None else text
+            self.text = path.read_text(encoding="utf-8-sig") if text is None else text
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(
                 f"{str(path)!r} cannot be read ({getattr(error, 'strerror', None) or 'it is no UTF-8 text'}): give a TOML by --scene "
@@ -312,10 +324,10 @@ def _scene_of(reader: _Reader) -> AuditScene:
             "", "spheres", data["spheres"], "the bodies are described by [disks] already; give one of the two"
         )
     named = "spheres" if "spheres" in data else "disks"
-    tables = {key: reader.table(data, "", key) for key in ("time", named, "contact", "contacts", "data")}
+    tables = {key: reader.table(data, "", key) for key in ("time", named, "contact", "data")}
     for where, each in tables.items():
         reader.known(each, where)
-    time, disks, contact, forces, written = tables.values()
+    time, disks, contact, written = tables.values()
     dimension = _dimension(reader, data)
     shape = disks.get("inertia", "disk" if (dimension or 2) == 2 else "sphere")
     shapes = {"disk": 0.5, "sphere": 0.4}
@@ -375,13 +387,13 @@ def _scene_of(reader: _Reader) -> AuditScene:
         wall_kn=tuple(given["kn"] for _, given in walls),
         wall_ks=tuple(given["ks"] for _, given in walls),
         columns=reader.names(reader.table(data, "", "columns"), "columns", COLUMNS),
-        contact_columns=reader.names(reader.table(forces, "contacts", "columns"), "columns", CONTACT_COLUMNS),
-        contacts=_companion_file(reader, forces, "contacts", "file"),
+        contacts=_contacts(reader, data, [wall.name for wall, _ in walls]),
         reverse=_companion_file(reader, data, "", "reverse"),
         periodic=_periodic(reader, data, dimension or 3),
         data=_companion_file(reader, written, "data", "file"),
         data_style=_style(reader, written),
         open=reader.flag(data, "", "open"),
+        partial=reader.flag(data, "", "partial"),
         single=reader.flag(data, "", "single"),
     )
 
@@ -431,6 +443,28 @@ def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: s
     if not isinstance(value, str) or not path.exists():
         raise reader.wrong(where, key, value, f"it must name a file that exists, beside {reader.path.name}")
     return path
+
+
+def _contacts(reader: _Reader, data: Mapping[str, Any], walls: Sequence[str]) -> tuple[ContactFile, ...]:
+    """Files of contact forces: one table, or one a file."""
+    given = data.get("contacts", [])
+    tables = given if isinstance(given, list) else [given]
+    if not all(isinstance(each, dict) for each in tables):
+        raise reader.wrong("", "contacts", given, 'write [contacts] file = "...", or one [[contacts]] table a file')
+    found = []
+    for each in tables:
+        reader.known(each, "contacts")
+        path = _companion_file(reader, each, "contacts", "file")
+        if path is None:
+            raise UsageError(f'{reader.place("", "contacts")}: [contacts] lacks file = "..."')
+        wall = each.get("wall")
+        if wall is not None and wall not in walls:
+            raise reader.wrong(
+                "contacts", "wall", wall, f"it must be the name of a wall: {', '.join(walls) or 'there is none'}"
+            )
+        columns = reader.names(reader.table(each, "contacts", "columns"), "columns", CONTACT_COLUMNS)
+        found.append(ContactFile(path, columns, None if wall is None else walls.index(wall)))
+    return tuple(found)
 
 
 def _walls(

@@ -92,7 +92,7 @@ class SpinChecks(Touching):
         tally.skip(
             int(((walls > 0) & (size > 0)).sum() - len(lone)), "several bodies or walls: the walls' torque is not known"
         )
-        tally.skip(int((anchored & (size > 0)).sum()), "fixed bodies take angular momentum")
+        tally.skip(int((anchored & (size > 0)).sum()), "bodies that are fixed, come or leave take angular momentum")
 
     def _moments(self, interval: Interval, turned: FloatArray, err: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Change of the angular momentum of each group about its centre, and its digits."""

@@ -32,6 +32,7 @@ class States:
         self.tallies = {name: Tally(name) for name in ("finite", "particles", "time")}
         self.bodies: Bodies | None = None
         self.has_velocity = True
+        self.remarks: list[str] = []
         self._before: float | None = None
         self._missing: NDArray[np.bool_] | None = None
         self._last: State | None = None
@@ -59,6 +60,8 @@ class States:
             yield difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
 
     def _each(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
+        if self.scene.open:
+            self._find_everyone(progress)
         frames = self.trajectory.frames(progress)
         number = 0
         while (frame := next(frames, None)) is not None:
@@ -67,18 +70,43 @@ class States:
             number += 1
             yield state
 
+    def _find_everyone(self, progress: Callable[[int, int, str], None]) -> None:
+        """Bodies of an open run: those of all frames, each as it first appears. Rows without ids are those of the first frame."""
+        found: dict[str, list[FloatArray]] = {}
+        known = np.empty(0, dtype=np.int64)
+        for frame in self.trajectory.frames(progress):
+            if "id" not in frame.columns:
+                return
+            ids = _whole_ids(frame.columns["id"], self.trajectory.path, frame.place)
+            new, first = np.unique(ids, return_index=True)
+            at = first[~np.isin(new, known)]
+            known = np.union1d(known, ids)
+            for name in ("id", "radius", "mass", "type"):
+                if name in frame.columns:
+                    values = frame.columns[name][at]
+                    found.setdefault(name, []).append(ids[at].astype(float) if name == "id" else values)
+        columns = {name: np.concatenate(parts) for name, parts in found.items()}
+        if not len(known):
+            raise UsageError(f"{self.trajectory.path} has no frame with {NOUN[self.scene.dimension]}s")
+        columns = {name: column for name, column in columns.items() if len(column) == len(columns["id"])}
+        ids = columns["id"].astype(np.int64)
+        self.bodies = _bodies(self.trajectory.path, self.scene, ids, columns, self.trajectory.rounding)
+
     def _state(self, number: int, frame: Frame) -> State:
         """A frame in the order of the first one's ids."""
         columns = frame.columns
         ids = columns.get("id")
         n = len(columns["x"])
-        if n == 0:
+        if n == 0 and (self.bodies is None or not self.scene.open):
             raise UsageError(
-                f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file"
+                f"{self.trajectory.path}, {frame.place}: a frame without {NOUN[self.scene.dimension]}s: cut it out of the file, or write "
+                "open = true in the TOML where bodies come and leave"
             )
-        here = np.arange(n) if ids is None else np.nan_to_num(ids, nan=-1.0).astype(np.int64)
+        here = np.arange(n) if ids is None else _whole_ids(ids, self.trajectory.path, frame.place)
         if self.bodies is None:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
+            self.remarks += _remarks(self.scene, self.bodies, columns, here)
+        if number == 0:
             self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
         bodies = self.bodies
         row, doubled, new = _rows_of(bodies.id, here)
@@ -93,7 +121,7 @@ class States:
             found = np.empty((len(bodies.id), len(names)))
             for axis, name in enumerate(names):
                 rule = self.trajectory.rounding.get(name, Rounding())
-                values = np.asarray(columns[name], dtype=float)[row]
+                values = np.asarray(columns[name], dtype=float)[row] if n else np.full(len(row), np.nan)
                 values[~present] = np.nan
                 rule.place(values, axis, single, found, error)
             return found, np.sqrt(error, out=error)
@@ -260,6 +288,37 @@ class States:
             )  # fmt: skip
         if finite:
             self._before = state.t
+
+
+def _remarks(scene: AuditScene, bodies: Bodies, columns: Mapping[str, FloatArray], ids: NDArray[np.int64]) -> list[str]:
+    """What a reader of the first frame should know: numbers of the TOML that differ from the file's, ids that are not there."""
+    found = []
+    order = np.unique(ids, return_index=True)[1]
+    for name, used in (("radius", bodies.radius), ("mass", bodies.mass)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = used / columns[name][order] if name in columns else np.ones(1)
+        if (np.abs(ratio - 1.0) > OTHER).any():
+            k = int(np.argmax(np.abs(ratio - 1.0)))
+            by = "density" if name == "mass" and scene.mass is None and scene.density is not None else name
+            found.append(
+                f"{by} of the TOML replaces {name} of the file, which it makes {ratio[k]:.6g} times as large ({bodies.noun} {bodies.id[k]})"
+            )
+    gaps = int(bodies.id[-1] - bodies.id[0]) + 1 - len(bodies.id)
+    if gaps and not scene.partial and not scene.open:
+        found.append(
+            f"ids go from {bodies.id[0]} to {bodies.id[-1]}, and {gaps} of them are not there: if the file has a part of the bodies, write "
+            "partial = true"
+        )
+    return found
+
+
+def _whole_ids(ids: FloatArray, path: Path, place: str) -> NDArray[np.int64]:
+    """Ids as integers; -1 for what is no number."""
+    known = np.nan_to_num(ids, nan=-1.0, posinf=-1.0, neginf=-1.0)
+    whole = known.astype(np.int64)
+    if (odd := np.flatnonzero(whole != known)).size:
+        raise UsageError(f"{path}, {place}: the id {known[odd[0]]:.12g} is no whole number")
+    return whole
 
 
 def _bodies(

@@ -25,6 +25,7 @@ TITLES = {
     "energy": ("Energy grows only by the work of walls", "J"),
     "kept": ("Energy is conserved without friction and damping", "J"),
     "overlap": ("No overlap beyond springs or slop", "m"),
+    "step": ("Contacts last several steps of the engine", ""),
     "cone": ("Contact forces lie in the friction cone", "N"),
     "history": ("Shear forces of closed contacts keep their history", "N"),
     "reversal": ("The reversed run retraces the path", "m"),
@@ -158,14 +159,16 @@ class Tally:
         self.beyond += lost
         self.series.append((state.t, float(value[k]), float(allowance[k])))
         worse = self.worst is None or largest > self.worst["ratio"]
-        if worse or (lost and self.first is None):
+        # Files of contacts follow each other, each from its start.
+        earlier = lost > 0 and (self.first is None or state.t < self.first["t"])
+        if worse or earlier:
             given = {
                 "step": state.step, "t": state.t, "place": state.place, "who": who(k), "value": float(value[k]),
                 "allowance": float(allowance[k]), "ratio": min(largest, 1e300),
                 "parts": {name: float(np.nan_to_num(np.broadcast_to(part, value.shape)[k])) for name, part in parts.items()},
                 "disks": members(k)[:50].tolist(),
             }  # fmt: skip
-            if lost and self.first is None:
+            if earlier:
                 self.first = given
             if worse:
                 self.worst, self.scene = given, state.places() if largest > 1.0 else None

@@ -24,7 +24,8 @@ EPS = 2.0**-52
 class Contacts:
     """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge.
 
-    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body.
+    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body, or one that is in one of
+    both frames alone: of the latter are ``passing``.
     """
 
     pairs: NDArray[np.int64]
@@ -36,6 +37,7 @@ class Contacts:
     across: NDArray[np.bool_]
     size: NDArray[np.int64]
     held: NDArray[np.bool_]
+    passing: NDArray[np.bool_]
 
 
 class Interval(NamedTuple):
@@ -162,14 +164,19 @@ class Touching:
 
         n, R = len(use), self.bodies.radius
         both = b.here & c.here
-        middle = 0.5 * (b.x + c.x)
         bow = np.where(self.bodies.fixed, 0.0, bulge)
-        reach = R + 0.5 * norm(c.x - b.x) + bow
+        x0, x1 = b.x, c.x
+        passing = b.here ^ c.here
+        if passing.any():
+            x0, x1, bow = self._passing_paths(b, c, bow)
+            both = b.here | c.here
+        middle = 0.5 * (x0 + x1)
+        reach = R + 0.5 * norm(x1 - x0) + bow
         pairs, shift = _close_pairs_of(both, middle, reach, b.cell)
         if not (c.here & ~b.here).any():
             self._overlaps(c, (pairs, shift))  # what overlaps in c was near in between
         near = np.empty(len(pairs), dtype=bool)
-        touching_pairs(pairs, shift, b.x, c.x, R, bow, use, near)
+        touching_pairs(pairs, shift, x0, x1, R, bow, use, near)
         pairs, shift = pairs[near], shift[near]
         i, j = pairs[:, 0], pairs[:, 1]
         anchored = np.zeros(n, dtype=bool)
@@ -179,20 +186,33 @@ class Touching:
         on_wall = np.empty((0, 2), dtype=np.int64)
         if self.scene.walls:
             h = c.t - b.t
-            slack = (R + bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None]
+            slack = R + bow + 0.125 * norm(self.scene.gravity) * h * h
             walled = np.zeros((n, len(self.scene.walls)), dtype=bool)
-            for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
-                walled |= self.track.at(b.t + share_t * h).heights(x) <= slack
-            on_wall = np.argwhere(walled & use[:, None])
+            for share_t, x in ((0.0, x0), (0.5, middle), (1.0, x1)):
+                self.track.at(b.t + share_t * h).mark_low(x, slack, walled)
+            on_wall = np.argwhere(walled)
+            on_wall = on_wall[use[on_wall[:, 0]]]
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
         label = np.empty(n, dtype=np.int64)
         groups = pair_groups(pairs, ~held, label)
         across = np.zeros(groups, dtype=bool)
         across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
         size = np.bincount(label if use.all() else label[use], minlength=groups)
-        fixed = np.zeros(groups, dtype=bool)
+        fixed, left = np.zeros(groups, dtype=bool), np.zeros(groups, dtype=bool)
         fixed[label[anchored]] = True
-        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed)
+        left[label[pairs[(passing[i] | passing[j])].ravel()]] = True
+        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed, left)
+
+    def _passing_paths(self, b: State, c: State, bow: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Places at both ends and bows of paths, also of bodies that one frame alone has: those go straight on, give or take a way."""
+        h = c.t - b.t
+        x0, x1, bow = b.x.copy(), c.x.copy(), bow.copy()
+        fastest = 0.0 if self.has_velocity else max(float(np.nanmax(norm(each.v), initial=0.0)) for each in (b, c))
+        for only, state, other, sign in ((c.here & ~b.here, c, x0, -1.0), (b.here & ~c.here, b, x1, 1.0)):
+            v = np.nan_to_num(state.v[only])
+            other[only] = state.x[only] + sign * h * v
+            bow[only] = h * np.maximum(norm(v), fastest) + 0.5 * h * h * norm(self.scene.gravity)
+        return x0, x1, bow
 
     def _name(self, disk: int) -> str:
         return f"{self.bodies.noun} {self.bodies.id[disk]}"
@@ -247,9 +267,14 @@ class Touching:
         i, j = near[0][kept].T
         kn, ks = (np.full(len(i), np.nan if value is None else value) for value in (scene.kn, scene.ks))
         if scene.walls:
-            over = np.nan_to_num(R[:, None] - self.track.at(state.t).heights(state.x), nan=-1.0)
-            on = np.argwhere((over > 0.0) & state.here[:, None])
-            i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
+            marks = np.zeros((n, len(scene.walls)), dtype=bool)
+            poses = self.track.at(state.t)
+            poses.mark_low(state.x, R, marks)
+            on = np.argwhere(marks)
+            over = R[on[:, 0]] - poses.heights(state.x[on[:, 0]])[np.arange(len(on)), on[:, 1]]
+            real = (over > 0.0) & state.here[on[:, 0]]
+            on, over = on[real], over[real]
+            i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over]
             kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
                       for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
         return i.astype(np.int64), j.astype(np.int64), depth, kn, ks

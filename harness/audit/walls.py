@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.audit.geometry import turning
@@ -23,6 +24,13 @@ class WallPoses(NamedTuple):
     def heights(self, x: FloatArray) -> FloatArray:
         """Heights of points above the walls, shape (n, m)."""
         return np.asarray(x @ self.normal.T - (self.point * self.normal).sum(axis=1))
+
+    def mark_low(self, x: FloatArray, slack: FloatArray, marks: NDArray[np.bool_]) -> None:
+        """Mark in ``marks`` (n, m) what is no higher above a wall than ``slack`` (n,)."""
+        from ninedisk.harness.audit.kernels import mark_low
+
+        offset = (self.point * self.normal).sum(axis=1)
+        mark_low(np.ascontiguousarray(x), np.ascontiguousarray(self.normal), offset, slack, marks)
 
     def surface_velocity(self, wall: int, points: FloatArray) -> FloatArray:
         """Velocity of a wall's material at points (n, d)."""

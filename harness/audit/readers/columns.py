@@ -118,10 +118,10 @@ def open_file(path: Path) -> IO[str]:
     """A text, packed or not."""
     try:
         if path.suffix == ".gz":
-            return gzip.open(path, "rt", encoding="utf-8", errors="replace")
+            return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
         if path.suffix == ".zst":
             return _open_zst(path)
-        return open(path, encoding="utf-8", errors="replace")
+        return open(path, encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise UsageError(f"{str(path)!r} cannot be read ({error.strerror or error})") from error
 
@@ -138,22 +138,36 @@ def _open_zst(path: Path) -> IO[str]:
     class Reader(io.RawIOBase):
         def __init__(self) -> None:
             self.packed = open(path, "rb")  # noqa: SIM115
-            self.stream = zstandard.ZstdDecompressor().stream_reader(self.packed, read_across_frames=True)
+            self.part: Any = None
+            self.rest = self.ready = b""
 
         def readable(self) -> bool:
             return True
 
         def readinto(self, buffer: Any) -> int:
-            try:
-                return int(self.stream.readinto(buffer))
-            except zstandard.ZstdError as error:
-                raise OSError(str(error)) from error
+            while not self.ready:
+                raw = self.rest or self.packed.read(1 << 18)
+                self.rest = b""
+                if not raw:
+                    if self.part is not None:
+                        raise EOFError("it ends within a frame of zstd")
+                    return 0
+                self.part = self.part or zstandard.ZstdDecompressor().decompressobj()
+                try:
+                    self.ready = self.part.decompress(raw)
+                except zstandard.ZstdError as error:
+                    raise OSError(str(error)) from error
+                if self.part.eof:
+                    self.rest, self.part = self.part.unused_data, None
+            size = min(len(buffer), len(self.ready))
+            buffer[:size], self.ready = self.ready[:size], self.ready[size:]
+            return size
 
         def close(self) -> None:
             self.packed.close()
             super().close()
 
-    return io.TextIOWrapper(io.BufferedReader(Reader(), 1 << 20), encoding="utf-8", errors="replace")
+    return io.TextIOWrapper(io.BufferedReader(Reader(), 1 << 20), encoding="utf-8-sig", errors="replace")
 
 
 def column_names(names: Sequence[str], columns: Mapping[str, str], path: Path) -> dict[str, str]:

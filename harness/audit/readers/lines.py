@@ -101,6 +101,8 @@ class Lines:
                 end = self._end - 1
                 break
         line = self._bytes[self._begin : end + 1].decode("utf-8", "replace")
+        if not self.number:
+            line = line.removeprefix("\ufeff")
         self.done += end + 1 - self._begin
         self._begin = end + 1
         self.number += bool(line)

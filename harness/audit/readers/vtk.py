@@ -60,8 +60,10 @@ def read_series(path: Path, columns: Mapping[str, str]) -> Trajectory:
     UsageError
         Naming the file and the way out; while frames are read, too.
     """
-    files, times = _series_files(path)
-    return _numpy_series(path, files) if files[0].suffix == ".npz" else _vtk_series(path, files, times, columns)
+    files, times, remarks = _series_files(path, columns)
+    return (
+        _numpy_series(path, files) if files[0].suffix == ".npz" else _vtk_series(path, files, times, columns, remarks)
+    )
 
 
 def _numpy_series(path: Path, files: list[Path]) -> Trajectory:
@@ -84,10 +86,14 @@ def _numpy_series(path: Path, files: list[Path]) -> Trajectory:
     return Trajectory(path, "NumPy frames", frames, halved_rounding(vector_roundings(first)), clock)
 
 
-def _vtk_series(path: Path, files: list[Path], times: list[float], columns: Mapping[str, str]) -> Trajectory:
-    def raw(file: Path) -> VtkFrame:
-        return _legacy(file) if file.suffix == ".vtk" else read_vtk_xml(file)
+def _vtk_frame(file: Path) -> VtkFrame:
+    return _legacy(file) if file.suffix == ".vtk" else read_vtk_xml(file)
 
+
+def _vtk_series(
+    path: Path, files: list[Path], times: list[float], columns: Mapping[str, str], remarks: list[str]
+) -> Trajectory:
+    raw = _vtk_frame
     names = list(raw(files[0]).data)
     found = column_names(names, columns, files[0])
     require(found, names, files[0])
@@ -119,7 +125,7 @@ def _vtk_series(path: Path, files: list[Path], times: list[float], columns: Mapp
             yield replace(made, step=int(times[k]), t=np.nan) if numbered else made
 
     form = "legacy VTK series" if files[0].suffix == ".vtk" else "XML VTK series"
-    remarks = [WHOLE_TIMES.format(path.name)] if numbered else []
+    remarks = remarks + ([WHOLE_TIMES.format(path.name)] if numbered else [])
     if "id" not in found.values():
         remarks.append("there are no ids: point k of each file is taken as the same body")
     clock = number_clock(np.array(times)) if numbered else "t" if np.isfinite(times).all() else "index"
@@ -136,8 +142,8 @@ def _frame(file: Path, k: int, t: float, part: dict[str, FloatArray]) -> Frame:
     return Frame(int(number[-1]) if number else k, t, part, file.name)
 
 
-def _series_files(path: Path) -> tuple[list[Path], list[float]]:
-    """Files of a series in the order of time, and the times if an index gives them."""
+def _series_files(path: Path, columns: Mapping[str, str]) -> tuple[list[Path], list[float], list[str]]:
+    """Files of a series in the order of time, the times if an index gives them, and remarks."""
     index = path if path.suffix == ".pvd" else path / "frames.pvd"
     if path.suffix == ".pvd" or (index.exists() and any(path.glob("*.vtp"))):
         try:
@@ -157,25 +163,39 @@ def _series_files(path: Path) -> tuple[list[Path], list[float]]:
         if odd := {file.suffix for _, file in listed} - {".vtp", ".vtu", ".vtk", *INDICES}:
             raise UsageError(f"{index} names files {', '.join(sorted(odd))}: expected .vtp, .vtu, .pvtp, .pvtu or .vtk")
         if listed:
-            return [file for _, file in listed], times
+            return [file for _, file in listed], times, []
     kinds: dict[str, list[Path]] = {}
     if path.is_dir():
         for kind in (*INDICES, ".npz", ".vtp", ".vtu", ".vtk"):
             files = sorted(path.glob(f"*{kind}"), key=_numbered)
             if files and not (kind in (".vtp", ".vtu") and any(each in kinds for each in INDICES)):
                 kinds[kind] = files
-    if len(kinds) != 1:
+    if not kinds:
+        raise UsageError(f"{path} holds no frames: give {FORMS}")
+    series: dict[str, list[Path]] = {}
+    for file in (file for files in kinds.values() for file in files):
+        series.setdefault(re.sub(r"\d+", "#", file.name), []).append(file)
+    if len(series) == 1:
+        files = next(iter(series.values()))
+        return files, [np.nan] * len(files), []
+    bodies = [] if ".npz" in kinds else [name for name, files in series.items() if _has_bodies(files[0], columns)]
+    if len(bodies) != 1:
         raise UsageError(
-            f"{path} holds {'several kinds of frames: ' + ', '.join(kinds) if kinds else 'no frames'}: give {FORMS}"
+            f"{path} holds several series: {', '.join(list(series)[:6])} (# a number), and {len(bodies) or 'none'} of them "
+            "have velocities or radii of points: copy that of the bodies into a folder, or write a .pvd of its files"
         )
-    files = next(iter(kinds.values()))
-    series = dict.fromkeys(re.sub(r"\d+", "#", file.name) for file in files)
-    if len(series) > 1:
-        raise UsageError(
-            f"{path} holds several series: {', '.join(list(series)[:6])} (# a number; Kratos writes bodies, contacts and walls into one "
-            "folder): copy that of the bodies into a folder, or write a .pvd of its files"
-        )
-    return files, [np.nan] * len(files)
+    files = series.pop(bodies[0])
+    others = f"{', '.join(list(series)[:6])} beside it have no velocities or radii"
+    return files, [np.nan] * len(files), [f"{bodies[0]} (# a number) are the bodies: {others}"]
+
+
+def _has_bodies(file: Path, columns: Mapping[str, str]) -> bool:
+    """Whether the points of a file have velocities or radii."""
+    try:
+        found = column_names(list(_vtk_frame(file).data), columns, file)
+    except UsageError:
+        return False
+    return bool({"vx", "radius", "diameter"} & set(found.values()))
 
 
 def _numbered(file: Path) -> tuple[tuple[int, str], ...]:

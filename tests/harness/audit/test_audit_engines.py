@@ -11,16 +11,32 @@ from types import ModuleType
 import pytest
 
 TOOL = Path(__file__).parents[3] / "tools" / "write_audit_files.py"
+INPUT_FAULTS = (
+    "lammps-3d-gravity",
+    "lammps-3d-friction",
+    "lammps-3d-frozen-spins",
+    "lammps-3d-restart-lost-history",
+    "lammps-3d-diameter-for-radius",
+    "lammps-3d-radius-for-diameter",
+    "lammps-3d-mass",
+    "lammps-3d-no-floor",
+    "lammps-3d-stiffness-in-newton-per-millimetre",
+    "lammps-3d-viscous",
+    "lammps-3d-dashpot",
+    "lammps-3d-stale-lists",
+    "lammps-3d-floor-shakes",
+    "lammps-3d-step-20-times-too-long",
+    "lammps-3d-poured-gravity",
+    "lammps-2d-disc-update",
+)
+"""Faults in what the engine itself was given, not in the TOML or the file."""
 CHOSEN = (
+    *INPUT_FAULTS,
     "lammps-3d-times",
     "lammps-3d-triclinic-scaled",
     "lammps-2d-periodic",
-    "lammps-3d-gravity",
     "lammps-3d-wall-missing",
-    "lammps-3d-friction",
-    "lammps-3d-frozen-spins",
     "lammps-3d-radius-of-diameter",
-    "lammps-2d-disc-update",
     "lammps-3d-yaml",
     "lammps-3d-yaml-triclinic-scaled",
     "lammps-3d-yaml-gravity",
@@ -30,7 +46,10 @@ CHOSEN = (
     "lammps-3d-data-file-hybrid",
     "lammps-3d-data-file-gravity",
     "lammps-3d-restart",
-    "lammps-3d-restart-lost-history",
+    "lammps-3d-radii-of-the-toml",
+    "lammps-3d-elastic",
+    "lammps-3d-step-right",
+    "lammps-3d-poured",
 )
 
 
@@ -43,6 +62,13 @@ def tool() -> ModuleType:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+def test_twelve_faults_of_inputs_are_planted(tool: ModuleType) -> None:
+    assert len(INPUT_FAULTS) >= 12
+    for name in INPUT_FAULTS:
+        assert tool.LAMMPS[name][4], name
+        assert tool.LAMMPS[name][2] or name in tool.RESTARTS, f"{name}: the input is that of the right run"
 
 
 @pytest.mark.slow
