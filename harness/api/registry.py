@@ -116,10 +116,11 @@ BUILTIN_ENGINES: dict[str, str] = {
     "liggghts": "ninedisk.harness.engines.liggghts.adapter:ENGINE",
     "esys-particle": "ninedisk.harness.engines.esys_particle.adapter:ENGINE",
     "kratos": "ninedisk.harness.engines.kratos.adapter:ENGINE",
+    "sapien": "ninedisk.harness.engines.sapien.adapter:ENGINE",
 }
 STOCK_ENGINES: dict[str, str] = {
     f"{name}-stock": "ninedisk.harness.engines.stock:ENGINES"
-    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged")
+    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged", "sapien")
 }
 """Engines at their own settings; they run where they are asked for."""
 CASE_GROUP = "ninedisk.cases"
