@@ -119,5 +119,6 @@ ENGINES = (
     StockEngine(of="drake-sap", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="drake-lagged", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="jolt", step=1.0 / 60.0, step_from="Jolt's HelloWorld example"),
+    StockEngine(of="sapien", step=0.01, step_from="SAPIEN's PhysxCpuSystem"),
 )
 """All of them."""
