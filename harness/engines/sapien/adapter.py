@@ -1,6 +1,6 @@
 """SAPIEN: the rigid bodies of PhysX 5 on the CPU, single precision, a separate process.
 
-With the solver PGS one step detects contacts at its begin, solves for velocities and then moves positions with them: ``semi-implicit-euler``.
+With the solver PGS a step detects contacts at its begin, solves for velocities and moves positions with them: ``semi-implicit-euler``.
 `ninedisk.harness.engines.sapien.session` says how a scene is realised.
 """
 
@@ -15,19 +15,22 @@ from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.sapien.channels import MOST_PAIRS, pairs_of_classes
-from ninedisk.harness.engines.world import driven_spheres, partly_held
+from ninedisk.harness.engines.world import partly_held
 
-CAPABILITIES = OF_RIGID | {
+UNABLE = {Capability.ROTATING_WALLS}
+"""The solver PGS takes no spin from a kinematic body: what turns rubs as if it moved along."""
+
+CAPABILITIES = (OF_RIGID - UNABLE) | {
     Capability.DISK_INERTIA,
     Capability.MATERIALS,
     Capability.BODY_FORCES,
     Capability.SPHERES,
     Capability.BOXES,
 }
-CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.MATERIALS, Capability.BOXES}
+CAPABILITIES_3D = (OF_RIGID_SPHERES - UNABLE) | {Capability.MATERIALS, Capability.BOXES}
 
 RIGID_BODIES = "https://nvidia-omniverse.github.io/PhysX/physx/5.3.1/docs/RigidBodyDynamics.html"
-"""States that bodies are rigid and that contacts are solved for velocities; compliant contacts are another feature, which SAPIEN leaves out."""
+"""Bodies are rigid and contacts solved for velocities; compliant contacts are another feature, which SAPIEN leaves out."""
 
 OPTIONS = {
     "profile": PROFILE,
@@ -62,6 +65,7 @@ FACTS = package_facts(
     out_of_scope=dict.fromkeys((Capability.LINEAR_CONTACT, Capability.SHEAR_SPRING), RIGID_BODIES),
     licence="MIT, BSD-3-Clause (PhysX)",
     precision="float32",
+    contact_forces="normal",
     capabilities=CAPABILITIES,
 )
 
@@ -78,11 +82,12 @@ class SapienEngine(RigidPackageEngine):
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """Bodies held in part, prescribed spins of bodies that are free otherwise, and more pairs of materials than a mask has bits."""
         found = partly_held(scene, "PhysX") if isinstance(scene, SphereScene) else []
-        driven = driven_spheres(scene) if isinstance(scene, SphereScene) else []
-        found += [why for why in prescribed_spins(scene, "PhysX") if int(why.split()[1]) not in driven]
+        found += prescribed_spins(scene, "PhysX")
         pairs = len(pairs_of_classes(scene))
         if pairs > MOST_PAIRS:
-            found.append(f"collision groups tell {MOST_PAIRS} pairs of materials and walls apart, the scene has {pairs}")
+            found.append(
+                f"collision groups tell {MOST_PAIRS} pairs of materials and walls apart, the scene has {pairs}"
+            )
         return found
 
 

@@ -1,23 +1,23 @@
 """A scene in SAPIEN, whose bodies are PhysX's.
 
 - A disk is a sphere whose three moments of inertia are the disk's; with no force along z it stays at z = 0. Moments of 0 are PhysX's
-  way to block rotation; locked axes instead are an approximation of it, with which a sliding disk has 0.7 % too little friction.
-- A wall is an infinite plane: static, or kinematic where it moves. PhysX takes a kinematic body's velocity from the difference of two poses
-  in single precision; the body is therefore kept near the origin, as a plane may be moved along itself.
-- A pair's coefficients would be the MEAN of its bodies' ones; see `channels`.
-- Contacts begin where the gap is below the sum of both contact offsets. PhysX's 0.01 m each make a contact of a body in flight, whose
-  restitution is 0.8 of what it should be in some of these cases; here they are some units of round-off, and bodies which touch are in contact whatever
-  the rounding of their coordinates.
+  way to block rotation.
+- A wall is an infinite plane: static, or kinematic where it moves. PhysX takes a kinematic body's velocity from the difference of two
+  poses in single precision; the body is kept near the origin, as a plane may be moved along itself.
+- A pair's coefficients would be the mean of its bodies'; see `channels`.
+- Bodies touch at the sum of both rest offsets, some units of round-off: what touches is in contact whatever the rounding of its
+  coordinates. PhysX lets a gap close within a step, so one of round-off would take a part of the load away. Its own contact offset of
+  0.01 m makes a contact of a body in flight, whose restitution is then 0.8 of what it should be in some cases.
 - No overlap is taken out (``max_depenetration_velocity``): what takes it out would stay in the momentum.
 - PhysX has lengths in it, for bodies of about 1: it is given lengths in a unit that makes the mean radius about 1, a power of two.
-- SAPIEN reports normal impulses. Friction follows from the momentum of the step where that is unique (`unseen_friction`), else it is
-  not observed.
+- SAPIEN reports normal impulses. Friction of rough pairs, and the forces on walls with it, are not observed.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
@@ -32,17 +32,14 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
-from ninedisk.harness.api.boxes import has_boxes, rotation_matrix
+from ninedisk.harness.api.boxes import has_boxes
+from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.lengths import largest_extent, longest_path, wall_reach
 from ninedisk.harness.engines.sapien.adapter import OPTIONS
 from ninedisk.harness.engines.sapien.channels import class_of, surfaces
-from ninedisk.harness.engines.unseen_friction import Push, frictions
 from ninedisk.harness.engines.world import (
     WorldSession,
     from_z,
-    quaternion_of,
-    rotation_of,
-    signed_angle,
     three_components,
 )
 
@@ -57,10 +54,11 @@ _UNLIMITED = 1e16
 _NO_CORRECTION = 1e-12
 """Speed [m/s] with which overlaps are taken out; PhysX refuses 0."""
 
-_TOUCH_ULPS = 16.0
+_TOUCH_ULPS = 8.0
 """A gap is a sum of a few coordinates of bodies and walls, each rounded to half a unit in the last place."""
 
-_EPS = float(np.finfo(np.float32).eps)
+_AHEAD = 1.0 / 16.0
+"""By this part a contact begins before bodies touch: PhysX wants contact offsets above rest offsets."""
 
 
 class SapienSession(WorldSession):
@@ -86,7 +84,7 @@ class SapienSession(WorldSession):
             "enable_tgs": options["sapien.solver"] == "tgs",
             "enable_pcm": True,
             "enable_ccd": False,
-            "enable_enhanced_determinism": not self.stock,
+            "enable_enhanced_determinism": False,  # it gives impulses of one pair to another: finding sapien/impulses-of-other-pairs
             "enable_friction_every_iteration": True,
         }
         limits = {
@@ -102,11 +100,10 @@ class SapienSession(WorldSession):
             **options,
             **{f"sapien.{name}": value for name, value in config.items()},
             **{f"sapien.{name}": OWN if self.stock else value for name, value in limits.items()},
-            "sapien.contact_offset": OWN if self.stock else self.touch / self.unit,
-            "sapien.rest_offset": 0.0,
+            "sapien.contact_offset": OWN if self.stock else 0.5 * (1.0 + _AHEAD) * self.touch / self.unit,
+            "sapien.rest_offset": OWN if self.stock else 0.5 * self.touch / self.unit,
             "sapien.lengths_per_metre": self.unit,
             "sapien.pair_coefficients": "the scene's own, by one shape for each law",
-            "sapien.friction_impulses": "from the momentum of the step, where unique",
         }
         gravity = self.unit * np.array(three_components(scene.gravity))
         physx.set_scene_config(gravity=gravity.astype(np.float32), **config)
@@ -114,135 +111,88 @@ class SapienSession(WorldSession):
         self.world.timestep = self.dt
         self.space = sapien.Scene([self.world])
         self.surfaces = surfaces(scene)
-        self.disks = [self._disk(i) for i in range(len(bodies))]
+        self.bodies = [self._body(i) for i in range(len(bodies))]
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
-        self.number = {body.entity.per_scene_id: k for k, body in enumerate([*self.disks, *self.walls])}
-        self.loads = np.zeros((len(bodies), 3))
-        self.before: tuple[FloatArray, ...] = ()
+        self.number = {body.entity.per_scene_id: k for k, body in enumerate([*self.bodies, *self.walls])}
+        n = len(bodies)
+        self.rough = [c for c, pair in enumerate(pairs) if scene.law(pair).mu > 0.0]
+        self.rough_walls = [k for k in range(len(scene.walls)) if any(scene.law((i, n + k)).mu > 0.0 for i in range(n))]
+        self.before = np.zeros((n, 3))
 
     def step(self, *, last: bool) -> None:
         """Step the world, and follow the rotations: PhysX moves bodies with the velocities of the step's end."""
-        if last:
-            self.before = self._state()
+        if last and self.solid:
+            self.before = self._places()
         self.world.step()
-        for i, body in enumerate(self.disks):
+        for i, body in enumerate(self.bodies):
             if self.scene.dimension == 3:
                 self.angle[i] += self.dt * np.float64(body.angular_velocity)
             else:
                 w, _, _, z = np.float64(body.entity.pose.q)
                 self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
-        if not last:
-            self.loads[:] = 0.0
 
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""
         size = self.scene.dimension
-        x, v, spin, turn = self._state()
-        history.x[row], history.v[row], history.angle[row] = x[:, :size], v[:, :size], self.angle
-        history.omega[row] = spin if size == 3 else spin[:, 2]
-        if history.quaternion is not None:
-            history.quaternion[row] = turn
+        history.x[row], history.angle[row] = self._places()[:, :size], self.angle
+        for i, body in enumerate(self.bodies):
+            spin = np.float64(body.angular_velocity)
+            history.v[row, i] = np.float64(body.linear_velocity)[:size] / self.unit
+            history.omega[row, i] = spin if size == 3 else spin[2]
+            if history.quaternion is not None:
+                history.quaternion[row, i] = body.entity.pose.q
 
-    def _state(self) -> tuple[FloatArray, ...]:
-        """Positions [m], velocities [m/s], spins [rad/s] and orientations of all bodies."""
-        poses = [body.entity.pose for body in self.disks]
-        n = len(poses)
-        return (
-            np.array([pose.p for pose in poses], dtype=np.float64).reshape(n, 3) / self.unit,
-            np.array([body.linear_velocity for body in self.disks], dtype=np.float64).reshape(n, 3) / self.unit,
-            np.array([body.angular_velocity for body in self.disks], dtype=np.float64).reshape(n, 3),
-            np.array([pose.q for pose in poses], dtype=np.float64).reshape(n, 4),
-        )
+    def _places(self) -> FloatArray:
+        """Centres [m], shape (n, 3)."""
+        return np.array([body.entity.pose.p for body in self.bodies], dtype=np.float64).reshape(-1, 3) / self.unit
 
-    def impulses(self) -> dict[Pair, FloatArray]:
-        """Impulse [N s] of the last step on the first body of each touching pair; components that are not observed are NaN."""
-        scene, bodies, size = self.scene, self.scene.bodies, self.scene.dimension
-        pushes = self._pushes()
-        x, v, spin, turn = self._state()
-        free = [not (self.fixed[i] or i in self.driven) for i in range(len(bodies))]
-        mass = np.asarray(bodies.mass, dtype=np.float64)
-        given = mass[:, None] * self.dt * np.array(scene.gravity)
-        if size == 2:
-            given = given + self.dt * self.loads[:, :2]
-        left = (mass[:, None] * (v - self.before[1])[:, :size]) - given
-        fastest = max(float(np.abs(v).max(initial=0.0)), float(np.abs(self.before[1]).max(initial=0.0)))
-        most = max((float(np.abs(push.impulse).max()) for push in pushes.values()), default=0.0)
-        noise = 100.0 * _EPS * (float(mass.max(initial=0.0)) * fastest + most)
-        rubbed = frictions(pushes, left, free, noise)
-        self.loads[:] = 0.0
-        total = {pair: push.impulse + rubbed.get(pair, 0.0) for pair, push in pushes.items()}
-        if self.solid:
-            self.moments = self._moments(pushes, spin, turn, free)
-        return total
-
-    def _pushes(self) -> dict[Pair, Push]:
-        size = self.scene.dimension
-        impulse: dict[Pair, FloatArray] = {}
-        place: dict[Pair, FloatArray] = {}
+    def impulses(self) -> Mapping[Pair, FloatArray]:
+        """Normal impulse [N s] of the last step on the first body of each touching pair."""
+        sums, size = ContactSums(self.scene), self.scene.dimension
         for contact in self.world.get_contacts():
             one, two = (self.number[body.entity.per_scene_id] for body in contact.bodies)
-            pair, sign = ((one, two), 1.0) if one < two else ((two, one), -1.0)
             for point in contact.points:  # PhysX's impulse acts on its first body
-                part = np.float64(point.impulse) / self.unit
-                impulse[pair] = impulse.get(pair, np.zeros(3)) + sign * part
-                weighted = np.linalg.norm(part) * np.float64(point.position) / self.unit
-                place[pair] = place.get(pair, np.zeros(3)) + weighted
-        return {
-            pair: Push(on_first[:size], place[pair] / (np.linalg.norm(on_first) or 1.0), self.scene.law(pair).mu > 0.0)
-            for pair, on_first in impulse.items()
-        }
+                on_one = np.float64(point.impulse)[:size] / self.unit
+                sums.add(one, two, on_one, np.float64(point.position) / self.unit, self.before)
+        self.moments = sums.moments
+        return sums.impulses
 
-    def _moments(
-        self, pushes: dict[Pair, Push], spin: FloatArray, turn: FloatArray, free: list[bool]
-    ) -> dict[Pair, FloatArray]:
-        """Moments [N m s] about the centre of the first body: all of its change of spin where that is its one contact."""
-        found = {}
-        for pair, push in pushes.items():
-            i = pair[0]
-            alone = free[i] and sum(i in other for other in pushes) == 1
-            if alone and self.scene.bodies.rotating[i]:
-                axes = rotation_matrix(self.before[3][i])
-                inertia = axes @ np.diag(np.broadcast_to(self.scene.bodies.inertia[i], 3)) @ axes.T
-                found[pair] = inertia @ (spin[i] - self.before[2][i])
-            elif push.rough:
-                found[pair] = np.full(3, np.nan)
-            else:
-                found[pair] = np.cross(push.place - self.before[0][i], push.impulse)
-        return found
+    def observe(self, history: History, row: int) -> None:
+        """Copy the state, and of the contacts what SAPIEN reports."""
+        super().observe(history, row)
+        history.fs[row, self.rough] = history.wall_force[row, self.rough_walls] = np.nan
+        if history.moment is not None:
+            history.moment[row, self.rough] = np.nan
 
-    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:
-        """Set a wall's pose and its chord velocity over the coming step."""
-        angle = signed_angle(self.scene.walls[k].normal, facing)
-        velocity = np.array([*((there - here) / self.dt), 0.0])
-        self.drive_3d(
-            k, np.array([*here, 0.0]), rotation_of(np.array([0.0, 0.0, angle])), velocity, np.array([0.0, 0.0, rate])
-        )
+    def drive(self, k: int, here: FloatArray, there: FloatArray, facing: FloatArray, rate: float) -> None:  # noqa: ARG002
+        """Set a wall's place and its chord velocity over the coming step."""
+        self._drive(k, three_components(here), three_components((there - here) / self.dt))
 
-    def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
-        """Set a wall's pose and its velocities over the coming step."""
-        wall = self.scene.walls[k]
-        normal = rotation @ np.array(three_components(wall.normal))
-        # The plane's body, of which the wall is a face at the same distance as at time 0: moved along the plane it is the same plane.
-        away = point - rotation @ np.array(three_components(wall.point))
-        place = (away @ normal) * normal
-        self._move(self.walls[k], place, rotation, velocity + np.cross(rate, place - point), rate)
+    def drive_3d(self, k: int, point: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:  # noqa: ARG002
+        """Set a wall's place and its velocity over the coming step."""
+        self._drive(k, point.tolist(), velocity.tolist())
 
     def drive_sphere(self, i: int, place: FloatArray) -> None:
-        """Set a sphere's pose and velocities."""
-        self._move(self.disks[i], place, np.eye(3), self.scene.spheres.v[i], self.scene.spheres.omega[i])
+        """Set a sphere's place and velocity."""
+        self._move(self.bodies[i], place, self.scene.spheres.v[i])
 
-    def _move(self, body: Any, place: FloatArray, rotation: FloatArray, velocity: FloatArray, rate: FloatArray) -> None:
-        turned = rotation_of(self.dt * rate) @ rotation
-        body.entity.set_pose(sapien.Pose(self.unit * place, quaternion_of(rotation)))
-        body.set_kinematic_target(sapien.Pose(self.unit * (place + self.dt * velocity), quaternion_of(turned)))
+    def _drive(self, k: int, point: list[float], velocity: list[float]) -> None:
+        wall = self.scene.walls[k]
+        if wall.motion:
+            normal = np.array(three_components(wall.normal))
+            along = normal @ (np.array(point) - three_components(wall.point))
+            self._move(self.walls[k], along * normal, np.array(velocity))
+
+    def _move(self, body: Any, place: FloatArray, velocity: FloatArray) -> None:
+        body.entity.set_pose(sapien.Pose(self.unit * place))
+        body.set_kinematic_target(sapien.Pose(self.unit * (place + self.dt * velocity)))
 
     def push(self, i: int, load: FloatArray) -> None:
         """PhysX forgets forces after a step."""
-        self.loads[i] = load
         force, torque = [load[0] * self.unit, load[1] * self.unit, 0.0], [0.0, 0.0, load[2] * self.unit**2]
-        self.disks[i].add_force_torque(force, torque, "force")
+        self.bodies[i].add_force_torque(force, torque, "force")
 
-    def _disk(self, i: int) -> Any:
+    def _body(self, i: int) -> Any:
         bodies = self.scene.bodies
         body = physx.PhysxRigidDynamicComponent()
         shape = physx.PhysxCollisionShapeSphere
@@ -261,7 +211,7 @@ class SapienSession(WorldSession):
         body.inertia = inertia.astype(np.float32)
         body.solver_position_iterations, body.solver_velocity_iterations = self.iterations
         for name, value in self.limits.items():
-            speed = name.endswith("linear_velocity") or name.endswith("depenetration_velocity")
+            speed = name.endswith(("linear_velocity", "depenetration_velocity"))
             setattr(body, name, value * self.unit if speed else value)
         self._place(body, sapien.Pose([self.unit * c for c in three_components(bodies.x[i])], turn))
         if moving:
@@ -287,7 +237,7 @@ class SapienSession(WorldSession):
         shape = make(physx.PhysxMaterial(surface.mu, surface.mu, surface.restitution))
         shape.set_collision_groups([surface.mask, surface.meets, 0, 0])
         if not self.stock:
-            shape.contact_offset, shape.rest_offset = 0.5 * self.touch, 0.0
+            shape.contact_offset, shape.rest_offset = 0.5 * (1.0 + _AHEAD) * self.touch, 0.5 * self.touch
         if local is not None:
             shape.local_pose = local
         body.attach(shape)
