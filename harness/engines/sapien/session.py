@@ -73,7 +73,7 @@ class SapienSession(WorldSession):
         self.iterations = options["sapien.position_iterations"], options["sapien.velocity_iterations"]
         bodies = scene.bodies
         scaled = len(bodies) > 0 and not self.stock
-        self.unit = 2.0 ** -round(math.log2(float(bodies.radius.mean()))) if scaled else 1.0
+        self.unit = 128 * 2.0 ** -round(math.log2(float(bodies.radius.mean()))) if scaled else 1.0
         wall_reach(scene, numerics, "SAPIEN")  # raises where paths are no finite lengths
         extent = self.unit * (largest_extent(scene) + longest_path(scene, numerics))
         self.touch = _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
