@@ -9,7 +9,7 @@
   coordinates. PhysX lets a gap close within a step, so one of round-off would take a part of the load away. Its own contact offset of
   0.01 m makes a contact of a body in flight, whose restitution is then 0.8 of what it should be in some cases.
 - No overlap is taken out (``max_depenetration_velocity``): what takes it out would stay in the momentum.
-- PhysX has lengths in it, for bodies of about 1: it is given lengths in a unit that makes the mean radius about 1, a power of two.
+- PhysX has lengths in it: it is given lengths in a unit, a power of two, that makes the mean radius large against them.
 - SAPIEN reports normal impulses. Friction of rough pairs, and the forces on walls with it, are not observed.
 """
 
@@ -57,8 +57,13 @@ _NO_CORRECTION = 1e-12
 _TOUCH_ULPS = 8.0
 """A gap is a sum of a few coordinates of bodies and walls, each rounded to half a unit in the last place."""
 
-_AHEAD = 1.0 / 16.0
-"""By this part a contact begins before bodies touch: PhysX wants contact offsets above rest offsets."""
+_AHEAD = 2.0**-12
+"""By this part of it a contact begins before bodies touch: PhysX wants contact offsets above rest offsets, and contacts that are still
+open rub less than mu."""
+
+_RADIUS = 2.0**17
+"""Mean radius in PhysX's lengths. Friction pulls bodies back to where they met while they are within a few centimetres, whatever their
+size: at 1 a rolling disk slips by 4e-4 of its speed, and a ball that rolls off two others takes up to three times as long."""
 
 
 class SapienSession(WorldSession):
@@ -73,7 +78,7 @@ class SapienSession(WorldSession):
         self.iterations = options["sapien.position_iterations"], options["sapien.velocity_iterations"]
         bodies = scene.bodies
         scaled = len(bodies) > 0 and not self.stock
-        self.unit = 128 * 2.0 ** -round(math.log2(float(bodies.radius.mean()))) if scaled else 1.0
+        self.unit = _RADIUS * 2.0 ** -round(math.log2(float(bodies.radius.mean()))) if scaled else 1.0
         wall_reach(scene, numerics, "SAPIEN")  # raises where paths are no finite lengths
         extent = self.unit * (largest_extent(scene) + longest_path(scene, numerics))
         self.touch = _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
