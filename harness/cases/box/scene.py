@@ -30,6 +30,10 @@ SOLVED = 2e-9
 side."""
 
 
+SOLVED_IN_SINGLE = 3.0
+"""Half units by which a speed is off that a solver in single precision finds: a sum of impulses is off by a unit before it is rounded."""
+
+
 class Frame(NamedTuple):
     """Unit vectors of the plane: along what drives the box, across, and up."""
 

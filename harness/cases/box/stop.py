@@ -14,6 +14,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.box.scene import (
     OFF,
     PAIR,
+    SOLVED_IN_SINGLE,
     G,
     askew_of,
     box_checks,
@@ -28,6 +29,7 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
     numerics_of,
+    single,
     single_precision,
     soft_reason,
     whole_steps,
@@ -168,15 +170,16 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     speed = np.maximum(params["speed"] - params["mu"] * G * numerics.dt * steps, 0.0)
     path = np.concatenate([[0.0], np.cumsum(numerics.dt * (theta * speed[1:] + (1.0 - theta) * speed[:-1]))])
     # Rounding decides whether a stop that ends with a step takes one more.
-    rough = 1e-9 * params["speed"]
+    rough = 1e-9 * params["speed"] + SOLVED_IN_SINGLE * single(engine, params["speed"], numerics.n_steps)
+    length = single(engine, float(path[-1]), numerics.n_steps)
     off = OFF if askew_of(engine) else 0.0
     source, why = (
         f"{engine.scheme}: exact speeds and their sum",
-        "exact solution of this very scheme: round-off and the solver's tolerance",
+        f"exact solution of this very scheme: round-off and the solver's tolerance{single_precision(engine)}",
     )
     return [
         Check(quantity="distance", norm="max", truth="exact-step", expected=path[observed.step], source=source, rtol=EXACT_STEP_RTOL,
-              atol=rough * float(observed.t[-1]) + off * float(path[-1]), scale=float(path[-1]), why=why),
+              atol=rough * float(observed.t[-1]) + length + off * float(path[-1]), scale=float(path[-1]), why=why),
         Check(quantity="speed", norm="max", truth="exact-step", expected=speed[observed.step], source=source, rtol=EXACT_STEP_RTOL,
               atol=rough + off * params["speed"], scale=params["speed"], why=why),
     ]  # fmt: skip
