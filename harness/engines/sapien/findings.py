@@ -56,7 +56,7 @@ FINDINGS = (
             truth="analytic",
             over=1e-5,
             fails=True,
-            over_why="Coulomb's friction has no moment about the normal here: MuJoCo, DART and Drake turn by 1e-6 at most",
+            over_why="Coulomb's friction has no moment about the normal here: MuJoCo and DART turn by 1e-6 at most",
         ),
         command="ninedisk run box/stop --engine sapien --set direction_deg=70",
     ),
