@@ -90,7 +90,7 @@ class SapienEngine(RigidPackageEngine):
         pairs = len(pairs_of_classes(scene))
         if pairs > MOST_PAIRS:
             found.append(
-                f"collision groups tell {MOST_PAIRS} pairs of materials and walls apart, the scene has {pairs}"
+                f"collision groups distinguish {MOST_PAIRS} pairs of materials and walls, the scene has {pairs}"
             )
         return found
 

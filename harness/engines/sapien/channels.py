@@ -1,7 +1,7 @@
 """Friction and restitution by pair, in PhysX: it gives a pair the mean of its bodies' coefficients.
 
-Each law of the scene is therefore a shape of its own, of which a body has as many as it has laws; bits say which shapes meet. Both shapes
-of a pair have the law's coefficients, and so has their mean.
+A body therefore has one shape for each of its laws; bits say which shapes meet. Both shapes of a pair have the law's coefficients, and so
+has their mean.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ninedisk.core.scene import ContactLaw, Scene, SphereScene
 
 MOST_PAIRS = 31
-"""Pairs of classes that a mask of 32 bits tells apart."""
+"""Pairs of classes that a mask of 32 bits distinguishes."""
 
 BodyClass = tuple[str, object]
 

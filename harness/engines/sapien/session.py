@@ -131,9 +131,9 @@ class SapienSession(WorldSession):
         self.world.step()
         for i, body in enumerate(self.bodies):
             if self.scene.dimension == 3:
-                self.angle[i] += self.dt * np.float64(body.angular_velocity)
+                self.angle[i] += self.dt * np.array(body.angular_velocity, dtype=np.float64)
             else:
-                w, _, _, z = np.float64(body.entity.pose.q)
+                w, _, _, z = (float(each) for each in body.entity.pose.q)
                 self.angle[i] += math.remainder(2.0 * math.atan2(z, w) - self.angle[i], math.tau)
 
     def copy(self, history: History, row: int) -> None:
@@ -141,8 +141,8 @@ class SapienSession(WorldSession):
         size = self.scene.dimension
         history.x[row], history.angle[row] = self._places()[:, :size], self.angle
         for i, body in enumerate(self.bodies):
-            spin = np.float64(body.angular_velocity)
-            history.v[row, i] = np.float64(body.linear_velocity)[:size] / self.unit
+            spin = np.array(body.angular_velocity, dtype=np.float64)
+            history.v[row, i] = np.array(body.linear_velocity, dtype=np.float64)[:size] / self.unit
             history.omega[row, i] = spin if size == 3 else spin[2]
             if history.quaternion is not None:
                 history.quaternion[row, i] = body.entity.pose.q
@@ -157,8 +157,8 @@ class SapienSession(WorldSession):
         for contact in self.world.get_contacts():
             one, two = (self.number[body.entity.per_scene_id] for body in contact.bodies)
             for point in contact.points:  # PhysX's impulse acts on its first body
-                on_one = np.float64(point.impulse)[:size] / self.unit
-                sums.add(one, two, on_one, np.float64(point.position) / self.unit, self.before)
+                on_one = np.array(point.impulse, dtype=np.float64)[:size] / self.unit
+                sums.add(one, two, on_one, np.array(point.position, dtype=np.float64) / self.unit, self.before)
         self.moments = sums.moments
         return sums.impulses
 
