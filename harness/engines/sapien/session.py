@@ -89,7 +89,7 @@ class SapienSession(WorldSession):
             "enable_tgs": options["sapien.solver"] == "tgs",
             "enable_pcm": True,
             "enable_ccd": False,
-            "enable_enhanced_determinism": False,  # it gives impulses of one pair to another: finding sapien/impulses-of-other-pairs
+            "enable_enhanced_determinism": False,  # it gives impulses of one pair to another: sapien/impulses-of-other-contacts
             "enable_friction_every_iteration": True,
         }
         limits = {
