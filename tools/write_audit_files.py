@@ -92,10 +92,70 @@ def toml(dimension: int, walls: str, *, mu: float = 0.3, dt: float = 2e-5) -> st
     return text
 
 
+CONTACTS = """compute c all property/local patom1 patom2 cutoff radius
+compute p all pair/local force p1 p2 p3 cutoff radius
+dump 2 all local 10 contacts.dump index c_c[1] c_c[2] c_p[1] c_p[2] c_p[3] c_p[4]
+dump_modify 2 format float %.12g append {append}
+"""
+RESTARTS = {
+    "lammps-3d-restart": ("write_restart run.restart", "read_restart run.restart"),
+    "lammps-3d-restart-lost-history": ("write_data run.data", "read_data run.data\nreset_timestep 2005"),
+}
+"""How half of a run ends and the other half starts, in another process: a data file has no shear springs."""
+CONTACTS_TOML = """[contacts]
+file = "contacts.dump"
+[contacts.columns]
+i = "c_c[1]"
+j = "c_c[2]"
+fn = "c_p[1]"
+fsx = "c_p[2]"
+fsy = "c_p[3]"
+fsz = "c_p[4]"
+"""
+
+
+def restarted(name: str) -> tuple[str, str]:
+    """Inputs of the two halves of a run, of spheres that lie on each other and spin."""
+    command = (
+        lammps_input(
+            3,
+            "",
+            lattice="sc 0.09995 origin 0.5 0.5 0.5",
+            fill="0.0 0.3 0.0 0.3 0.0 0.3",
+            vz="0.0",
+            update="",
+            omega="0.3 -0.5 0.7",
+        )
+        .replace("variable d atom 0.08+0.04*((id*7)%11)/11", "variable d atom 0.1")
+        .replace(f"run {STEPS}", "")
+    )
+    command = (
+        command.replace("8e4 30 NULL", "8e4 500 NULL")
+        .replace("sin(id*3.1)", "0.02*sin(id*3.1)")
+        .replace("sin(id*5.7)", "0.02*sin(id*5.7)")
+    )
+    head, made = command[: command.index("region box")], command[command.index("pair_style") :]
+    halves = []
+    for number, steps in enumerate((2005, 1995)):
+        append = "yes" if number else "no"
+        dumped = TORQUES.format(file="run.dump").partition(" tqx")[0] + PRINTED + f" append {append}\n"
+        halves.append((dumped + CONTACTS.format(append=append), f"run {steps}\n"))
+    end, start = RESTARTS[name]
+    return command + "".join(halves[0]) + end + "\n", head + start + "\n" + made + "".join(halves[1])
+
+
+def with_radii(text: str) -> str:
+    """The same with the radii of all bodies, for files that have none."""
+    radii = [round(0.04 + 0.02 * (k * 7 % 11) / 11, 15) for k in range(1, 28)]
+    return text.replace('{inertia = "sphere"}', f'{{inertia = "sphere", radius = {radii}}}')
+
+
 SPACE, PLANE = "floor x0 x1 y0 y1", "floor x0 x1"
 PRINTED = "\ndump_modify 1 format float %.12g"
 DUMP = f"dump 1 all custom 40 {{file}} {COLUMNS}"
 TORQUES = DUMP.replace("custom 40", "custom 10") + " tqx tqy tqz"
+YAML = DUMP.replace("custom", "yaml").replace("{file}", "run.yaml")
+EXTXYZ = "dump 1 all extxyz 40 run.extxyz\ndump_modify 1 vel yes mass yes element C"
 TRICLINIC = {"boundary": "p p f", "box": "prism 0 1 0 1 -0.1 3 0.2 0 0", "walls": WALLS[3][0]}
 LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d": (3, DUMP + PRINTED, {}, toml(3, SPACE), []),
@@ -125,6 +185,13 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d-radius-of-diameter": (3, DUMP + PRINTED, {}, toml(3, SPACE), ["overlap"]),
     "lammps-3d-torques": (3, TORQUES + PRINTED, {}, toml(3, SPACE), []),
     "lammps-3d-torques-frozen-spins": (3, TORQUES + PRINTED, {"more": "fix stop all freeze-spin"}, toml(3, SPACE), ["torque"]),
+    "lammps-3d-yaml": (3, YAML + PRINTED + " time yes units yes", {}, toml(3, SPACE), []),
+    "lammps-3d-yaml-triclinic-scaled": (3, YAML.replace("x y z", "xs ys zs") + PRINTED, TRICLINIC, toml(3, "floor"), []),
+    "lammps-3d-yaml-gravity": (3, YAML + PRINTED, {"g": "9.80"}, toml(3, SPACE), ["free"]),
+    "lammps-3d-extxyz": (3, EXTXYZ, {}, with_radii(toml(3, SPACE)), []),
+    "lammps-3d-extxyz-gravity": (3, EXTXYZ, {"g": "9.80"}, with_radii(toml(3, SPACE)), ["free"]),
+    "lammps-3d-restart": (3, "", {}, toml(3, SPACE) + CONTACTS_TOML, []),
+    "lammps-3d-restart-lost-history": (3, "", {}, toml(3, SPACE) + CONTACTS_TOML, ["history"]),
     "lammps-2d-disc-update": (2, DUMP + PRINTED, {"update": " disc"}, toml(2, PLANE), ["spin"]),
 }  # fmt: skip
 """Folder -> dimension, dump, changes of the input, TOML, checks that must be violated."""
@@ -159,17 +226,17 @@ def write_lammps(out: Path, names: list[str]) -> dict[str, list[str]]:
             command = command.replace("fix stop all freeze-spin", "").replace("nve/sphere", "nve")
         if name.endswith("radius-of-diameter"):
             command = command.replace(" radius mass", " diameter mass")
-        (folder / "in.lammps").write_text(command)
-        mpi = _mpi_library()[0]
-        done = subprocess.run(
-            [sys.executable, __file__, str(folder), "--lammps", mpi],
-            check=False,
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
-        if done.returncode:
-            raise SystemExit(f"{name}: LAMMPS ended with {done.returncode}: {done.stderr[-500:]}")
+        for part in restarted(name) if name in RESTARTS else (command,):
+            (folder / "in.lammps").write_text(part)
+            done = subprocess.run(
+                [sys.executable, __file__, str(folder), "--lammps", _mpi_library()[0]],
+                check=False,
+                capture_output=True,
+                text=True,
+                timeout=300,
+            )
+            if done.returncode:
+                raise SystemExit(f"{name}: LAMMPS ended with {done.returncode}: {done.stderr[-500:]}")
         if name.endswith("radius-of-diameter"):
             file = folder / "run.dump"
             file.write_text(file.read_text().replace(" diameter mass", " radius mass"))
@@ -208,10 +275,24 @@ f.close()
 import os
 os._exit(0)
 """
+YADE_TEXT = """
+os.makedirs('frames', exist_ok=True)
+for k in range(100):
+    export.textExt('frames/%d.txt' % O.iter, format='x_y_z_r_attrs', comment='vx vy vz omegax omegay omegaz mass',
+        attrs=['b.state.vel', 'b.state.angVel', 'b.state.mass'])
+    O.run(40, True)
+os._exit(0)
+"""
+"""The same run through YADE's own export, which prints six digits."""
 YADE_TOML = "gravity = [0.0, 0.0, -9.81]\ntime = {dt = 2e-5}\ncontact = {mu = 0.3}\n" + (
     '[[walls]]\nname = "floor"\npoint = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]\n'
 )
-YADES = {"yade-3d": ({"g": "9.81", "mu": "0.3"}, []), "yade-3d-gravity": ({"g": "9.80", "mu": "0.3"}, ["free"])}
+YADES = {
+    "yade-3d": ({"g": "9.81", "mu": "0.3"}, []),
+    "yade-3d-gravity": ({"g": "9.80", "mu": "0.3"}, ["free"]),
+    "yade-3d-text": ({"g": "9.81", "mu": "0.3"}, []),
+    "yade-3d-text-gravity": ({"g": "9.80", "mu": "0.3"}, ["free"]),
+}
 
 
 def write_yade(out: Path) -> dict[str, list[str]]:
@@ -222,10 +303,13 @@ def write_yade(out: Path) -> dict[str, list[str]]:
     for name, (fields, found) in YADES.items():
         folder = out / name
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "run.py").write_text(YADE.format(**fields))
+        script = YADE.format(**fields)
+        if "text" in name:
+            script = script[: script.index("f = open")] + "import os\n" + YADE_TEXT.strip() + "\n"
+        (folder / "run.py").write_text(script)
         subprocess.run(["yade", "-n", "-x", "-j1", "run.py"], cwd=folder, check=False, capture_output=True, timeout=300)
         (folder / "run.toml").write_text(YADE_TOML)
-        if (folder / "run.csv").exists():
+        if any((folder / each).exists() for each in WRITTEN):
             expected[name] = found
     return expected
 
@@ -287,6 +371,10 @@ def write_liggghts(out: Path) -> dict[str, list[str]]:
     return expected
 
 
+WRITTEN = ("run.dump", "run.yaml", "run.extxyz", "frames", "run.csv")
+"""Trajectories that a run may leave."""
+
+
 def judge(out: Path, expected: dict[str, list[str]]) -> int:
     """Audit all; how many differ from what is expected."""
     from ninedisk.harness.audit.run import audit
@@ -294,7 +382,7 @@ def judge(out: Path, expected: dict[str, list[str]]) -> int:
 
     wrong = 0
     for name, found in expected.items():
-        file = next(path for path in (out / name / "run.dump", out / name / "run.csv") if path.exists())
+        file = next(path for path in (out / name / each for each in WRITTEN) if path.exists())
         record = audit(file, read_scene(out / name / "run.toml"), lambda *_: None)
         violated = [check["id"] for check in record["checks"] if check["verdict"] == "violated"]
         right = set(found) <= set(violated) and bool(found) == bool(violated)

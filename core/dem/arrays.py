@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.core.dem.critical import NEAR, critical_time_step, normal_arms, packed_time_step, stiffening
+from ninedisk.core.dem.levels import no_levels, size_of_skins
 from ninedisk.core.dem.neighbours import PAIRS_PER_DISK, empty_cells, empty_list
 from ninedisk.core.dem.plane.force_kernels import CHUNK, PAIR_KN, SCRATCH, note_pairs
 from ninedisk.core.dem.state import (
@@ -28,6 +29,7 @@ from ninedisk.core.dem.state import (
     DiskArrays,
     Kick,
     Laws,
+    Levels,
     Lists,
     Loads,
     Losses,
@@ -244,12 +246,15 @@ def team_arrays(stripes: int, threads: int, laws: Laws | None = None, capacity: 
     )
 
 
-def first_lists(n: int, m: int, bends: bool = False) -> Lists:
-    """Empty lists for n disks and m walls, and what their rebuild works with; ``bends``: with torques of rolling resistance."""
+def first_lists(n: int, m: int, bends: bool = False, levels: Levels | None = None) -> Lists:
+    """Empty lists for n disks and m walls, and what their rebuild works with; ``bends``: with torques of rolling resistance.
+
+    ``levels`` are those of disks of many sizes (`ninedisk.core.dem.levels`).
+    """
     capacity, wall_room = int(PAIRS_PER_DISK * n) + 16, n // 64 + 16
     pairs, spare = (empty_list(n, capacity, bends) for _ in range(2))
     wall_pairs, wall_spare = (empty_list(m, wall_room, bends) for _ in range(2))
-    return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n))
+    return Lists(pairs, wall_pairs, spare, wall_spare, empty_cells(n), levels or no_levels())
 
 
 def sample_arrays(
@@ -326,12 +331,14 @@ def watch_arrays(scene: Scene) -> Watch:
     )
 
 
-def step_constants(scene: Scene, numerics: Numerics, dt: float, in_order: bool) -> StepConstants:
+def step_constants(
+    scene: Scene, numerics: Numerics, dt: float, in_order: bool, levels: Levels | None = None
+) -> StepConstants:
     """Scalars of the scheme for contact step ``dt`` [s]; ``in_order``: disks are kept in the order of the cells."""
     a = 0.5 * scene.xi * dt
     central = numerics.damping_form == "central"
     shared = {"dt": dt, "gravity_x": scene.gravity[0], "gravity_y": scene.gravity[1]}
-    radius = float(scene.disks.radius.mean())
+    radius = size_of_skins(scene.disks.radius, levels)
     return StepConstants(
         # Half the kick is still missing at t_n, or all of it after the half kick.
         first=Kick(keep=1.0 - a, gain=0.5 * dt, ahead=1.0, drag=a, seen=0.0, mean=1.0, **shared),

@@ -39,6 +39,7 @@ from ninedisk.core.dem.counts import Counts
 from ninedisk.core.dem.critical import Place, present_time_step
 from ninedisk.core.dem.files import read_checkpoint, restore, saved_list, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
+from ninedisk.core.dem.levels import levels_of
 from ninedisk.core.dem.neighbours import check_crowd, enlarged_list
 from ninedisk.core.dem.plane.force_kernels import SCRATCH
 from ninedisk.core.dem.plane.grains import (
@@ -48,9 +49,9 @@ from ninedisk.core.dem.plane.grains import (
     shear_of_grains,
     with_more_capacity,
 )
-from ninedisk.core.dem.plane.image_kernels import CELL_SCRATCH, image_contacts, rebuild_images
+from ninedisk.core.dem.plane.image_kernels import CELL_SCRATCH, image_contacts
 from ninedisk.core.dem.plane.images import check_cell, enter_image_preload, first_images, with_more_pairs
-from ninedisk.core.dem.plane.neighbour_kernels import rebuild
+from ninedisk.core.dem.plane.rebuild_kernels import rebuild, rebuild_images
 from ninedisk.core.dem.plane.step_kernels import advance
 from ninedisk.core.dem.preload import enter_grain_preload, enter_preload, shear_by_pair
 from ninedisk.core.dem.state import (
@@ -163,7 +164,8 @@ class DemSession:
         in_order = n >= SORT_FROM
         stripes = STRIPES if in_order else 1
         self._threads = threads if in_order else 1
-        self._step = step_constants(scene, numerics, self.contact_dt, in_order)
+        levels = levels_of(scene.disks.radius, 2) if in_order and not needs_outlines(scene) else None
+        self._step = step_constants(scene, numerics, self.contact_dt, in_order, levels)
         self._disks = disk_arrays(scene, self._step.lagged, numerics.energy_budget)
         self._motion = compile_motion(scene.walls)
         self._walls = wall_arrays(scene, self._motion, stripes)
@@ -171,7 +173,7 @@ class DemSession:
         periodic = scene.cell is not None
         self._team = team_arrays(stripes, self._threads, self._laws, CELL_SCRATCH if periodic else SCRATCH)
         self._losses = loss_arrays(stripes) if numerics.energy_budget else None
-        self._lists = first_lists(n, m, self._laws is not None)
+        self._lists = first_lists(n, m, self._laws is not None, levels)
         self._progress = Progress(
             clock=np.array([0, 1, 0, 0, 0], dtype=np.int64), work=np.zeros(2), skin=np.array([self._step.first_skin])
         )
@@ -344,7 +346,7 @@ class DemSession:
             )
         # A spare list need not hold anything, but room for as many pairs.
         pairs, wall_pairs = ([saved_list(arrays, name) for _ in range(2)] for name in ("pairs", "wall_pairs"))
-        session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], session._lists.cells)
+        session._lists = Lists(pairs[0], wall_pairs[0], pairs[1], wall_pairs[1], *session._lists[4:])
         session._outlines = restored_outlines(session._outlines, arrays)
         if session._images is not None:
             shift = np.array(arrays["pairs.shift"])

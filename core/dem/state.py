@@ -160,6 +160,44 @@ class Cells(NamedTuple):
     grid: NDArray[np.float64]
 
 
+class Levels(NamedTuple):
+    """Grids of n bodies by their sizes (`ninedisk.core.dem.levels`); k levels, ascending.
+
+    Attributes
+    ----------
+    widest : ndarray, shape (k,)
+        Largest radius [m]; a body is in the first level that it fits into.
+    room : ndarray of int64, shape (k,)
+        Most cells of each.
+    base : ndarray of int64, shape (k,)
+        First cell of each level.
+    width : ndarray, shape (k,)
+        Width of its cells [m].
+    counts : ndarray of int64, shape (k, 3)
+        Its cells along each of ``axes``.
+    shift : ndarray of int64, shape (k,)
+        Rows or layers of the finest cells by which its bodies come later in memory: larger ones are after all that they can touch.
+    low : ndarray, shape (3,)
+        Lower corner along each of ``axes`` [m].
+    axes : ndarray of int64, shape (3,)
+        Coordinates along which cells follow each other, fastest first.
+    start, order, cell : ndarray
+        As in `Cells`, of all levels together.
+    """
+
+    widest: FloatArray
+    room: IntArray
+    base: IntArray
+    width: FloatArray
+    counts: IntArray
+    shift: IntArray
+    low: FloatArray
+    axes: IntArray
+    start: NDArray[np.int32]
+    order: NDArray[np.uint32]
+    cell: NDArray[np.int32]
+
+
 class Lists(NamedTuple):
     """Neighbour lists in use and what a rebuild works with.
 
@@ -170,6 +208,8 @@ class Lists(NamedTuple):
     spare, wall_spare : NeighbourList
         Where a rebuild puts the new lists before it copies them.
     cells : Cells
+    levels : Levels
+        None of them, shape (0,), where one grid serves all disks.
     """
 
     pairs: NeighbourList
@@ -177,6 +217,7 @@ class Lists(NamedTuple):
     spare: NeighbourList
     wall_spare: NeighbourList
     cells: Cells
+    levels: Levels
 
 
 class WallArrays(NamedTuple):
@@ -316,7 +357,7 @@ class StepConstants(NamedTuple):
     first, kick : Kick
         The half kick from ``t_0`` to ``t_{1/2}``, and all later ones.
     radius : float
-        Mean radius [m].
+        Radius that skins are measured by (`ninedisk.core.dem.levels.size_of_skins`) [m].
     widest : float
         Largest radius [m].
     first_skin, least_skin, most_skin : float

@@ -98,6 +98,8 @@ BUILTIN_CASES: dict[str, str] = {
     "box/incline": "ninedisk.harness.cases.box.incline:CASE",
     "box/stop": "ninedisk.harness.cases.box.stop:CASE",
     "box/free": "ninedisk.harness.cases.box.free:CASE",
+    "box/corner-drop": "ninedisk.harness.cases.box.corner:CASE",
+    "box/rocking": "ninedisk.harness.cases.box.rocking:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

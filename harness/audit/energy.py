@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
-from ninedisk.harness.audit.geometry import Cone, cross, friction_rays, norm
+from ninedisk.harness.audit.geometry import Cone, friction_rays, norm
 from ninedisk.harness.audit.tally import State
 from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_sets
 
@@ -16,47 +16,41 @@ class EnergyChecks(Touching):
 
     def _energy(self, interval: Interval) -> dict[str, float] | None:
         """Energy of each group, and the most that may have come into all: ``work`` of walls and ``order``, errors of the scheme."""
+        from ninedisk.harness.audit.terms import energy_sums
+
         scene, bodies = self.scene, self.bodies
         b, c, _, dt, use, touch, dv, ev, hidden, squeeze = interval
         m, g = np.where(use, bodies.mass, 0.0), scene.gravity
         tally = self.tallies["energy"]
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
-        size = np.bincount(touch.label, use, touch.groups)
+        size = touch.size
         walls = wall_sets(touch, len(scene.walls))
-        touched = np.bincount(touch.label, np.where(use, touch.degree, 0), touch.groups) > 0
-        gain = np.zeros(touch.groups)
+        gain, fall = np.zeros(touch.groups), np.zeros(touch.groups)
         parts = {
             name: np.zeros(touch.groups)
             for name in ("digits", "engine's step", "springs' step", "shear springs", "walls' work")
         }
-        parts["digits"] += groups_of(
-            touch, m * 4.0 * hidden * (np.maximum((b.v**2).sum(1), (c.v**2).sum(1)) + np.abs(c.x @ g)), use
-        )
+        # Masses and radii of the file have digits as well: of what each body gained by itself.
+        # Central differences keep the sum less dt^2/8 F^2/m; a contact that begins within a step errs by kn (v dt)^2/8 (its half step).
+        energy_sums(
+            use, touch.label, bodies.mass, bodies.em, c.x, b.v, c.v, self._body_energies(b)[0], self._body_energies(c)[0], squeeze, g,
+            hidden, dt, mu, gain, parts["digits"], parts["engine's step"], parts["springs' step"], fall,
+        )  # fmt: skip
         blind = np.zeros(touch.groups, dtype=bool)
         before = np.zeros(touch.groups, dtype=bool)
-        for state, sign in ((c, 1.0), (b, -1.0)):
-            own, err = self._body_energies(state, use)
-            store = self._spring_energies(state, mu)
-            gain += sign * groups_of(touch, own + np.where(use, store["normal"], 0.0), use)
-            parts["digits"] += groups_of(touch, err + store["error"], use)
-            blind |= groups_of(touch, store["unknown"], use) > 0
-            if state is b:
-                before = groups_of(touch, store["unknown"], use) > 0
-                parts["shear springs"] += groups_of(touch, store["shear"], use)
-            parts["engine's step"] += groups_of(touch, 0.5 * dt * squeeze * norm(state.v), use)
-        # Masses and radii of the file have digits as well: of what each body gained by itself.
-        share = bodies.em / bodies.mass
-        ends = [self._body_energies(state, use)[0] for state in (b, c)]
-        parts["digits"] += groups_of(touch, share * np.abs(ends[1] - ends[0]), use)
+        last, now = (self._spring_energies(state, mu) for state in (b, c))
+        gain += groups_of(touch, now["normal"] - last["normal"], use)
+        parts["digits"] += groups_of(
+            touch, self._body_energies(c)[1] + now["error"] + self._body_energies(b)[1] + last["error"], use
+        )
+        parts["shear springs"] += groups_of(touch, last["shear"], use)
+        before[touch.label[use & (last["unknown"] > 0.0)]] = True
+        blind[touch.label[use & (last["unknown"] + now["unknown"] > 0.0)]] = True
         if b.omega is not None and c.omega is not None:
-            turned = np.abs((np.nan_to_num(c.omega) ** 2).sum(1) - (np.nan_to_num(b.omega) ** 2).sum(1))
+            turned = np.abs(norm(c.omega) ** 2 - norm(b.omega) ** 2)
             parts["digits"] += groups_of(touch, bodies.inertia * turned * bodies.er / bodies.radius, use)
         # An engine of first order has velocities half a step off the positions.
-        parts["engine's step"] += 0.5 * dt * np.abs(groups_of(touch, m[:, None] * (c.v - b.v), use) @ g)
-        # Central differences keep the sum less dt^2/8 F^2/m; a contact that begins within a step errs by kn (v dt)^2/8 (its half step).
-        parts["springs' step"] += groups_of(
-            touch, dt * dt / 8.0 * squeeze**2 * (1.0 + 3.0 * mu * mu) / bodies.mass, use
-        )
+        parts["engine's step"] += 0.5 * dt * np.abs(fall)
         if scene.kn is not None:
             i, j = touch.pairs[:, 0], touch.pairs[:, 1]
             near = np.maximum(((b.v[i] - b.v[j]) ** 2).sum(1), ((c.v[i] - c.v[j]) ** 2).sum(1))
@@ -66,13 +60,10 @@ class EnergyChecks(Touching):
             speed = np.maximum((b.v[on] ** 2).sum(1), (c.v[on] ** 2).sum(1))
             stiff = np.array([each or 0.0 for each in scene.wall_kn])[w] if len(on) else np.zeros(0)
             parts["springs' step"] += np.bincount(touch.label[on], stiff * speed * dt * dt / 8.0, touch.groups)
-        if b.omega is None and scene.frictional:
-            blind |= touched
-            before |= touched
-        if scene.cohesive:
-            blind |= touched
-            before |= touched
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        touched = touch.label[use & (touch.degree > 0)]
+        if scene.cohesive or (b.omega is None and scene.frictional):
+            blind[touched] = before[touched] = True
+        anchored = touch.held
         moving = self._moving_walls(b.t, c.t)
         unknown_work = anchored & bool((np.nan_to_num(norm(b.v))[bodies.fixed] > 0.0).any())
         for group in np.flatnonzero((walls & moving > 0) & (size > 0)):
@@ -87,7 +78,7 @@ class EnergyChecks(Touching):
         real = size > 0
         judged = np.flatnonzero(real & ~before & ~unknown_work)
         who, members = self._group_words(touch, judged, use)
-        shown = {name: part[judged] for name, part in parts.items()}
+        shown = {name: part[judged] if part.any() else np.zeros(1) for name, part in parts.items()}
         tally.judge(c, gain[judged], shown, who, members)
         tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: give kn (and ks), or rigid = true"
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
@@ -102,22 +93,26 @@ class EnergyChecks(Touching):
                 c, -gain[still], {name: part[still] for name, part in parts.items()}, who, members
             )
             self.tallies["kept"].skip(int(real.sum()) - len(still), "springs of unknown stiffness, or moving walls")
-        if (real & unknown_work).any() or (scene.cohesive and touched.any()) or (b.omega is None and scene.frictional):
+        if (real & unknown_work).any() or (scene.cohesive and len(touched)) or (b.omega is None and scene.frictional):
             return None
         return {"work": float(parts["walls' work"].sum()), "order": float(parts["springs' step"].sum())}
 
-    def _body_energies(self, state: State, use: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
-        """Kinetic and potential energy of each disk [J], and its error by the digits."""
-        bodies, g = self.bodies, self.scene.gravity
-        m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
-        speed = norm(state.v)
-        own = m * (0.5 * speed**2 - state.x @ g)
-        err = m * (speed * state.ev + 0.5 * state.ev**2 + norm(g) * state.ex)
-        if state.omega is not None:
-            spin = norm(state.omega)
-            own = own + 0.5 * inertia * spin**2
-            err = err + inertia * (spin * state.eo + 0.5 * state.eo**2)
-        return np.where(use, own, 0.0), np.where(use, err, 0.0)
+    def _body_energies(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Kinetic and potential energy of each disk [J], and its error by the digits; NaN where a body lacks."""
+        from ninedisk.harness.audit.terms import body_energies
+
+        def made() -> tuple[FloatArray, FloatArray]:
+            bodies = self.bodies
+            own, err = np.empty_like(bodies.mass), np.empty_like(bodies.mass)
+            omega = state.v if state.omega is None else state.omega
+            body_energies(
+                state.x, state.v, omega, state.ex, state.ev, state.eo, bodies.mass, bodies.inertia, self.scene.gravity,
+                state.omega is not None, own, err,
+            )  # fmt: skip
+            return own, err
+
+        found: tuple[FloatArray, FloatArray] = self._once(state, "energies", made)
+        return found
 
     def _moving_walls(self, t0: float, t1: float) -> int:
         """Walls, as bits, that move between two times."""
@@ -191,10 +186,12 @@ class EnergyChecks(Touching):
 
     def _check_state(self, c: State, gain: dict[str, float] | None) -> None:
         """One instant: overlaps, totals, and the energy of all disks against the least since the start."""
+        from ninedisk.harness.audit.terms import state_totals
+
         scene, bodies = self.scene, self.bodies
         use = c.here & ~bodies.fixed
         mu = max([scene.mu or 0.0, *(each or 0.0 for each in scene.wall_mu)])
-        own, err = self._body_energies(c, use)
+        own, err = (np.where(use, each, 0.0) for each in self._body_energies(c))
         store = self._spring_energies(c, mu)
         stored, doubt = float(store["normal"].sum()), float(err.sum() + store["error"].sum())
         low = float(own.sum()) + stored
@@ -202,11 +199,13 @@ class EnergyChecks(Touching):
         high = low + float(store["shear"].sum()) if known else np.inf
         squeeze = self._spring_forces(c)
         dt = scene.dt or (min(self.intervals) if self.intervals else 0.0)
-        lag = (
-            0.5
-            * dt
-            * float(np.abs((np.where(use, bodies.mass, 0.0)[:, None] * np.nan_to_num(c.v)).sum(axis=0) @ scene.gravity))
+        turns = 1 if scene.dimension == 2 else 3
+        P, L, energies = np.zeros(scene.dimension), np.zeros(turns), np.zeros(2)
+        omega = c.v if c.omega is None else c.omega
+        state_totals(
+            use, c.x, c.v, omega, bodies.mass, bodies.inertia, scene.gravity, c.omega is not None, P, L, energies
         )
+        lag = 0.5 * dt * float(np.abs(P @ scene.gravity))
         lag += 0.5 * dt * float((squeeze * np.nan_to_num(norm(c.v))).sum())
         least = self._least
         if least is None or gain is None or not np.array_equal(least["use"], use):
@@ -233,19 +232,11 @@ class EnergyChecks(Touching):
             least = {"high": high, "err": doubt, "use": use, "lag": lag}
         self._least = least
         self._depths(c, budget - float(own.sum()) + doubt + lag)
-        m = np.where(use, bodies.mass, 0.0)
-        flat = {name: np.nan_to_num(array) for name, array in (("x", c.x), ("v", c.v))}
-        turns = 1 if scene.dimension == 2 else 3
-        spin = np.zeros((len(m), turns)) if c.omega is None else np.nan_to_num(c.omega)
-        inertia = np.where(use, bodies.inertia, 0.0)
-        L = (m[:, None] * cross(flat["x"], flat["v"])).sum(axis=0) + (inertia[:, None] * spin).sum(axis=0)
-        P = (m[:, None] * flat["v"]).sum(axis=0)
         _, _, depth, _, _ = self._overlaps(c)
         self.totals.append({
             "t": c.t, **{f"p{axis}": float(value) for axis, value in zip("xyz", P, strict=False)},
             **{name: float(value) for name, value in zip(("L",) if turns == 1 else ("Lx", "Ly", "Lz"), L, strict=True)},
-            "kinetic": float((0.5 * m * (flat["v"] ** 2).sum(axis=1) + 0.5 * inertia * (spin**2).sum(axis=1)).sum()),
-            "potential": float(-(m * (flat["x"] @ scene.gravity)).sum()), "springs": stored,
+            "kinetic": float(energies[0]), "potential": float(energies[1]), "springs": stored,
             "overlap": float(depth.max()) if len(depth) else 0.0, "disks": int(c.here.sum()),
         })  # fmt: skip
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
+from ninedisk.core.archive import make_folder
 from ninedisk.harness.results.whole_file import write_whole
 
 TOML = """\
@@ -79,8 +80,8 @@ def write_example(folder: Path) -> list[Path]:
 
     Raises
     ------
-    StoreError
-        If they cannot be written.
+    UnwritableFileError, StoreError
+        If the folder cannot be made or a file cannot be written.
     """
     scene, numerics = example_scene()
     n = len(scene.disks)
@@ -96,7 +97,7 @@ def write_example(folder: Path) -> list[Path]:
             if history.fn[k, column] > 0.0:
                 other = j if j < n else n - 1 - j
                 forces.append(f"{t:.6g},{i},{other},{history.fn[k, column]:.9g},{history.fs[k, column]:.9g}")
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     files = {"trajectory.csv": "\n".join(rows), "trajectory.toml": TOML.rstrip("\n"), "contacts.csv": "\n".join(forces)}
     for name, text in files.items():
         write_whole("--example", folder / name, text + "\n")

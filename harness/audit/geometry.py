@@ -16,10 +16,23 @@ from ninedisk.core.array_types import FloatArray
 EDGES = 24
 """Rays that replace a cone of friction in space, drawn around it: 0.9 % wider than the cone at most, so that none inside is accused."""
 
+SMALL = 500
+"""Vectors up to which NumPy's own loops are as fast as compiled ones."""
+CELLS = 8
+"""Cells of a grid for each body up to which one is used."""
+PAIRS = 4
+"""Pairs for each body for which there is memory before they are counted."""
+
 
 def norm(array: Any) -> Any:
     """Lengths of vectors, the last axis."""
     array = np.asarray(array)
+    if array.ndim == 2 and len(array) > SMALL:
+        from ninedisk.harness.audit.sums import row_lengths
+
+        found = np.empty(len(array))
+        row_lengths(np.ascontiguousarray(array, dtype=float), found)
+        return found
     return np.sqrt(np.einsum("...i,...i->...", array, array))
 
 
@@ -88,23 +101,56 @@ def close_pairs(
 
 
 def _plain_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
-    from scipy.spatial import cKDTree
-
     if len(x) < 2:
         return np.empty((0, 2), dtype=np.int64)
-    common = 3.0 * float(np.median(reach))
+    common = 3.0 * float(reach.min())
+    if float(reach.max()) > common:
+        common = 3.0 * float(np.median(reach))
+    far = np.flatnonzero(reach > common)
+    if not len(far):
+        return _usual_pairs(x, reach)
     usual = np.flatnonzero(reach <= common)
-    pairs = np.empty((0, 2), dtype=np.int64)
-    if len(usual) > 1:
-        tree = cKDTree(x[usual], balanced_tree=False, compact_nodes=False)
-        found = tree.query_pairs(2.0 * float(reach[usual].max()), output_type="ndarray")
-        pairs = usual[found].reshape(-1, 2)
-    extra = [
-        np.column_stack([np.full(len(x) - 1, i), np.delete(np.arange(len(x)), i)])
-        for i in np.flatnonzero(reach > common)
-    ]
-    if extra:
-        pairs = np.unique(np.sort(np.vstack([pairs, *extra]), axis=1), axis=0)
+    pairs = usual[_usual_pairs(x[usual], reach[usual])].reshape(-1, 2)
+    everyone = np.arange(len(x))
+    extra = []
+    for i in far:
+        others = everyone[norm(x - x[i]) <= reach + reach[i]]
+        extra.append(np.column_stack([np.full(len(others) - 1, i), others[others != i]]))
+    return np.unique(np.sort(np.vstack([pairs, *extra]), axis=1), axis=0)
+
+
+def _usual_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
+    """Pairs of bodies whose reaches differ little."""
+    from ninedisk.harness.audit.kernels import near_pairs, sort_into_cells
+
+    n = len(x)
+    if n < 2:
+        return np.empty((0, 2), dtype=np.int64)
+    size = 2.0 * float(reach.max()) * (1.0 + 1e-9)
+    low, high = (np.array([end(column) for column in x.T]) for end in (np.min, np.max))
+    shape = np.ones(3)
+    shape[: x.shape[1]] = np.floor((high - low) / size) + 1.0 if size > 0.0 else np.inf
+    if not shape.prod() <= CELLS * n + 1000:
+        return _tree_pairs(x, reach)
+    counts = shape.astype(np.int64)
+    cells, order = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    start = np.empty(int(counts.prod()) + 1, dtype=np.int64)
+    sort_into_cells(np.ascontiguousarray(x), low, size, counts, cells, start, order)
+    sorted_x, sorted_reach = x[order], reach[order]
+    pairs = np.empty((PAIRS * n, 2), dtype=np.int64)
+    found = near_pairs(sorted_x, sorted_reach, counts, start, order, pairs)
+    if found > len(pairs):
+        pairs = np.empty((found, 2), dtype=np.int64)
+        near_pairs(sorted_x, sorted_reach, counts, start, order, pairs)
+    return pairs[:found]
+
+
+def _tree_pairs(x: FloatArray, reach: FloatArray) -> NDArray[np.int64]:
+    """The same of bodies that are so far apart that most cells of a grid would be empty."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(x, balanced_tree=False, compact_nodes=False)
+    pairs = tree.query_pairs(2.0 * float(reach.max()), output_type="ndarray")
     close: NDArray[np.bool_] = norm(x[pairs[:, 0]] - x[pairs[:, 1]]) <= reach[pairs[:, 0]] + reach[pairs[:, 1]]
     return np.asarray(pairs[close], dtype=np.int64)
 

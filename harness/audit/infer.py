@@ -122,7 +122,12 @@ def _clock(trajectory: Trajectory, frames: list[Frame]) -> tuple[FloatArray | No
         return None, None, "time.interval = 1e-3: the files have no times; write the seconds between two of them"
     t = np.array([frame.t for frame in frames])
     steps = np.array([frame.step for frame in frames], dtype=float)
-    if trajectory.form == "LAMMPS dump" and len(t) > 1 and (np.diff(steps) > 0).all() and (np.diff(t) > 0.0).all():
+    if (
+        trajectory.form.startswith("LAMMPS dump")
+        and len(t) > 1
+        and (np.diff(steps) > 0).all()
+        and (np.diff(t) > 0.0).all()
+    ):
         each = np.diff(t) / np.diff(steps)
         if np.ptp(each) <= 1e-6 * each.mean():
             return t, float((t[-1] - t[0]) / (steps[-1] - steps[0])), ""

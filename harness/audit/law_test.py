@@ -6,13 +6,14 @@ The forces expected are those of `ninedisk.references.analytic.contact.two_spher
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ninedisk.core.archive import make_folder
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError, close_matches
 from ninedisk.harness.audit.geometry import norm
@@ -23,6 +24,8 @@ from ninedisk.references.analytic.contact.two_sphere_motions import END, MOTIONS
 STEPS = 3200
 """Rows of a path; a code that advances with them errs by one step's slip at most, below half of what the arms differ by."""
 LEAST_ROWS = 200
+DRAWN = 300
+"""Instants of a motion that a record keeps for its figure."""
 DIGITS = 1e-5
 """Allowance for printed digits, over the largest force: six digits and their sums."""
 HOLDS, VIOLATED, UNDECIDED = "holds", "violated", "not decidable"
@@ -106,7 +109,7 @@ columns, in at least 200 rows up to the end:
 | `tq1x, tq1y, tq1z` | torque of the contact on the first sphere [N m]; optional |
 | `tq2x, tq2y, tq2z` | the same on the second; optional |
 
-Then run `ninedisk law-test judge DIR`. A motion without forces is not judged.
+Then run `ninedisk law-test judge DIR`. `--only MOTION` leaves out motions without forces, `--out PAGE` writes a page.
 
 | motion | what it shows |
 |---|---|
@@ -134,10 +137,10 @@ def write_law_test(folder: Path) -> list[Path]:
     ------
     UsageError
         If the ``law.toml`` that is there is wrong.
-    StoreError
-        If the files cannot be written.
+    UnwritableFileError, StoreError
+        If the folder cannot be made or a file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     given = folder / "law.toml"
     law = _read_law(given) if given.exists() else _Law(LAW, {})
     files = {"README.md": README} | ({} if given.exists() else {"law.toml": TOML})
@@ -256,14 +259,21 @@ def _read_table(path: Path, needed: tuple[str, ...], more: tuple[str, ...] = ())
     return table
 
 
-def judge_law_test(folder: Path) -> dict[str, Any]:
+def judge_law_test(folder: Path, only: Sequence[str] = ()) -> dict[str, Any]:
     """Judge all forces in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+    only : sequence of str
+        Motions to judge; of all if empty.
 
     Returns
     -------
     dict
         ``checks``, each with id, verdict, said, value and allowance (the worst, in N or N m) and its t; ``conventions`` with what was
-        declared, expected and found; ``law``.
+        declared, expected and found; ``law``; ``motions``, worst first, each with its ratio of error to allowance and its ``curves``: t,
+        and by component what was returned and the closed form that fits best [N]; ``missing``, motions without forces.
 
     Raises
     ------
@@ -272,22 +282,32 @@ def judge_law_test(folder: Path) -> dict[str, Any]:
     """
     if not folder.is_dir():
         raise UsageError(f"there is no folder {str(folder)!r}: `ninedisk law-test write DIR` writes one")
+    if unknown := next((motion for motion in only if motion not in MOTIONS), None):
+        raise UsageError(
+            f"there is no motion {unknown!r}: motions are {', '.join(MOTIONS)}.{close_matches(unknown, MOTIONS)}"
+        )
     law = _read_law(folder / "law.toml")
-    present = [motion for motion in MOTIONS if (folder / f"{motion}.forces.csv").exists()]
+    wanted = [motion for motion in MOTIONS if not only or motion in only]
+    present = [motion for motion in wanted if (folder / f"{motion}.forces.csv").exists()]
     if not present:
         raise UsageError(
-            f"{str(folder)!r} has no forces: write {MOTIONS[0]}.forces.csv and so on, with the columns of its README.md"
+            f"{str(folder)!r} has no forces: write {wanted[0]}.forces.csv and so on, with the columns of its README.md"
         )
     checks: list[dict[str, Any]] = []
     found: dict[str, list[Any]] = {key: [] for key in CONVENTIONS}
     for motion in present:
         _check_path(folder / f"{motion}.csv", law)
     tables = {motion: _read_table(folder / f"{motion}.forces.csv", NEEDED, TORQUES) for motion in present}
-    for motion in MOTIONS:
+    motions: list[dict[str, Any]] = []
+    for motion in wanted:
         if motion in tables:
-            checks += _judge_motion(motion, tables[motion], law, found)
+            made, curves = _judge_motion(motion, tables[motion], law, found)
+            checks += made
+            ratio = max(check["value"] / check["allowance"] for check in made)
+            motions.append({"id": motion, "ratio": ratio, "curves": curves})
         else:
             checks.append(_check(motion, UNDECIDED, f"there is no {motion}.forces.csv"))
+    motions.sort(key=lambda motion: -float(motion["ratio"]))
     checks.append(_judge_torques(tables, law, found))
     shown = {}
     for key in CONVENTIONS:
@@ -304,7 +324,10 @@ def judge_law_test(folder: Path) -> dict[str, Any]:
             if values == [None]
             else "motions differ",
         }
-    return {"folder": str(folder), "law": law.values, "checks": checks, "conventions": shown}
+    return {
+        "folder": str(folder), "law": law.values, "checks": checks, "conventions": shown, "motions": motions,
+        "missing": [motion for motion in wanted if motion not in tables],
+    }  # fmt: skip
 
 
 def _accepted(key: str, law: _Law) -> tuple[Any, ...]:
@@ -331,8 +354,8 @@ def _expected(motion: str, law: _Law, t: FloatArray, conventions: Mapping[str, A
 
 def _judge_motion(
     motion: str, table: Mapping[str, FloatArray], law: _Law, found: dict[str, list[Any]]
-) -> list[dict[str, Any]]:
-    """Normal force, shear force and the convention of one motion."""
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Normal force, shear force and the convention of one motion, and its curves."""
     t = table["t"]
     force = np.column_stack([table[f"f{axis}"] for axis in "xyz"])
     path = pair_path(motion=motion, radius=law.values["radius"], overlap=law.values["overlap"], t=t)
@@ -382,7 +405,15 @@ def _judge_motion(
     )
     said = f"shear force beyond mu fn by at most {value:.3g} N at t = {at:.4g} s, allowed {allowed:.3g} N"
     checks.append(_check(f"{motion}/cone", HOLDS if value <= allowed else VIOLATED, said, value, allowed, at))
-    return checks
+    expected = _expected(motion, law, t, chosen[shown_as])
+    return checks, _curves(t, force, expected.shear - expected.fn[:, None] * n)
+
+
+def _curves(t: FloatArray, force: FloatArray, expected: FloatArray) -> dict[str, Any]:
+    """Forces returned and expected, by component, at so many instants as a figure needs."""
+    kept = np.unique(np.linspace(0, len(t) - 1, DRAWN).round().astype(int))
+    pairs = {f"f{axis}": [force[kept, k].tolist(), expected[kept, k].tolist()] for k, axis in enumerate("xyz")}
+    return {"t": t[kept].tolist(), **pairs}
 
 
 def _lag(motion: str, law: _Law, t: FloatArray, conventions: Mapping[str, Any]) -> PairForces:

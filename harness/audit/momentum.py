@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.audit.geometry import Cone, friction_rays, joined, norm, turning
 from ninedisk.harness.audit.tally import State, Words
-from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_sets
+from ninedisk.harness.audit.touching import Interval, Touching, wall_sets
 
 CONES = 200
 """Different cones of walls that turn whose sum is still formed."""
@@ -24,21 +24,18 @@ class MomentumChecks(Touching):
         reach: FloatArray,
     ) -> None:  # fmt: skip
         """Trapezoid of the velocities against the way, ``r`` and its digits ``ex`` [m]; the same of spins and angles."""
+        from ninedisk.harness.audit.terms import bends, clock_sums
+
         scene, bodies = self.scene, self.bodies
         b, c, h, dt, use, touch, *_ = interval
-        jump = c.v - b.v
-        before = jump if a is None else (b.v - a.v) * (h / (b.t - a.t) if b.t > a.t else 1.0)
-        after = jump if d is None else (d.v - c.v) * (h / (d.t - c.t) if d.t > c.t else 1.0)
-        bend = np.nan_to_num(norm(jump - before)) + np.nan_to_num(norm(after - jump))
-        if a is None or d is None:
-            bend = np.maximum(bend, 2.0 * norm(jump - scene.gravity * h))
         met = (touch.degree > 0) & use
-        # A contact shorter than the sampling may begin in one interval and end in the next: differences cancel, the change itself counts.
-        if scene.kn is None:
-            bend = np.where(met, np.maximum(bend, 2.0 * norm(jump - scene.gravity * h)), bend)
         each_step = dt >= h * (1.0 - 1e-9)
-        if each_step:
-            bend = np.where(met, np.maximum(bend, 2.0 * norm(jump)), bend)
+        bend = np.empty(len(use))
+        # A contact shorter than the sampling may begin in one interval and end in the next: differences cancel, the change itself counts.
+        bends(
+            b.v if a is None else a.v, b.v, c.v, c.v if d is None else d.v, _scale(h, a, b), _scale(h, c, d), scene.gravity, h,
+            a is None or d is None or scene.kn is None, each_step, met, bend,
+        )  # fmt: skip
         # A spring whose force comes and goes within the interval bends the way by at most h^2/4 of its acceleration, unseen by differences.
         pulse = np.where(
             met & resolved & (scene.kn is not None),
@@ -46,15 +43,11 @@ class MomentumChecks(Touching):
             0.0,
         )
         tally = self.tallies["motion"]
-        said = h * 0.5 * (b.v + c.v)[use]
-        self._ways += [(said * (c.x - b.x)[use]).sum(), (said * said).sum()]
+        sums = np.zeros(5)
+        clock_sums(b.x, c.x, b.v, c.v, r, ex, h, use, met, sums)
+        self._ways += sums[:2]
         if self.has_velocity:
-            free = use & ~met
-            self._lag += [
-                (r[free] * jump[free]).sum(),
-                (jump[free] ** 2).sum(),
-                np.linalg.norm((ex[free, None] * jump[free]).ravel()),
-            ]
+            self._lag += [sums[2], sums[3], np.sqrt(sums[4])]
         if not self.has_velocity:
             tally.skip(1, "velocities are differences of the positions: add vx, vy")
             self._second_differences(a, b, c, use & ~met, h)
@@ -62,10 +55,8 @@ class MomentumChecks(Touching):
             at = np.flatnonzero(use)
             parts = {
                 "digits of x, v and t": ex[at],
-                "half a step's change of velocity, which engines of first order lag": 0.5 * dt * norm(jump)[at],
-                "one contact at an unknown instant, h/4 of the second differences of v": np.where(
-                    met, 0.25 * h * bend, 0.0
-                )[at],
+                "half a step's change of velocity, which engines of first order lag": (0.5 * dt * norm(c.v - b.v))[at],
+                "one contact at an unknown instant, h/4 of the second differences of v": (0.25 * h * bend)[at],
                 "springs' forces that come and go, h^2/4 of the acceleration": pulse[at],
                 "contacts shorter than the sampling: what the energy lets a disk move": reach[at],
             }
@@ -128,19 +119,19 @@ class MomentumChecks(Touching):
         return found
 
     def _momentum(self, interval: Interval, ev: FloatArray) -> None:
+        from ninedisk.harness.audit.terms import momentum_sums
+
         b, c, use, touch = interval.b, interval.c, interval.use, interval.touch
-        m = np.where(use, self.bodies.mass, 0.0)
-        got = groups_of(touch, m[:, None] * interval.dv, use)
-        # Digits of a mass count for what the body got; alone its mass is no matter.
-        doubt = np.where(use, self.bodies.em, 0.0) * np.nan_to_num(norm(interval.dv))
-        allowed = groups_of(touch, m * ev + doubt * (touch.degree > 0), use)
-        size = np.bincount(touch.label, use, touch.groups)
+        bodies, groups = self.bodies, touch.groups
+        got, allowed, mass = np.zeros((groups, b.v.shape[1])), np.zeros(groups), np.zeros(groups)
+        momentum_sums(use, touch.label, bodies.mass, bodies.em, interval.dv, ev, touch.degree, got, allowed, mass)
+        mass = np.maximum(mass, 1e-300)
+        size = touch.size
         walls = wall_sets(touch, len(self.scene.walls))
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
+        anchored = touch.held
         clear = (walls == 0) & ~anchored
         alone = np.flatnonzero(clear & (size == 1))
         who, members = self._group_words(touch, alone, use)
-        mass = np.maximum(groups_of(touch, m, use), 1e-300)
         if self.has_velocity:
             self.tallies["free"].judge(
                 c, norm(got[alone]) / mass[alone], {"digits of v and t": allowed[alone] / mass[alone]}, who, members
@@ -247,3 +238,10 @@ class MomentumChecks(Touching):
                 cones += [Cone(friction_rays(normal, wide)) for normal in normals]
         found = joined(cones)
         return None if found.whole else found
+
+
+def _scale(h: float, one: State | None, two: State | None) -> float:
+    """What makes a change between two frames one of an interval h; 0: there are not both."""
+    if one is None or two is None:
+        return 0.0
+    return h / (two.t - one.t) if two.t > one.t else 1.0

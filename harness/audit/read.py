@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -12,14 +12,24 @@ import numpy as np
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.readers.columns import FORMS, Frame, Progress, Trajectory, open_file
+from ninedisk.harness.audit.readers.extxyz import is_extended_xyz, read_extended_xyz
+from ninedisk.harness.audit.readers.gsd_file import read_gsd
+from ninedisk.harness.audit.readers.h5md import read_hdf5
 from ninedisk.harness.audit.readers.lammps import read_dump
+from ninedisk.harness.audit.readers.lammps_yaml import read_yaml_dump
+from ninedisk.harness.audit.readers.netcdf import read_netcdf
 from ninedisk.harness.audit.readers.tables import read_arrays, read_parquet, read_text
 from ninedisk.harness.audit.readers.vtk import read_series
+from ninedisk.harness.audit.readers.yade_text import read_yade_text, yade_files
 
 FLAT = 1e-6
 """Spread of z over that of x and y which is round-off of a motion in the plane; single precision has 6e-8 a step."""
 PEEKED = 3
 """Frames that show whether a file is in space where its TOML does not say."""
+BINARY: dict[bytes, Callable[[Path, Mapping[str, str], Sequence[str]], Trajectory]] = {
+    b"CDF": read_netcdf, b"\x89HDF\r\n\x1a\n": read_hdf5, b"\xdf\x65" * 4: read_gsd,
+}  # fmt: skip
+"""First bytes of a file -> its reader."""
 
 
 def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str] = ("x", "y")) -> Trajectory:
@@ -40,20 +50,50 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     """
     if not path.exists():
         raise UsageError(f"there is no {str(path)!r}: give {FORMS}")
+    if path.is_dir() and yade_files(path):
+        return read_yade_text(path, columns, needed)
     if path.is_dir() or path.suffix == ".pvd":
         return read_series(path, columns)
     if path.suffix in (".parquet", ".pq"):
         return read_parquet(path, columns, needed)
     if path.suffix == ".npz":
         return read_arrays(path)
+    for magic, reader in BINARY.items():
+        if _begins_with(path, magic):
+            return reader(path, columns, needed)
     if path.suffix in (".vtk", ".vtp", ".vtu"):
         raise UsageError(f"{str(path)!r} is a single frame: give the folder of the series, or its .pvd")
     with open_file(path) as stream:
         try:
             head = stream.readline(1 << 16)
+            second = stream.readline(1 << 16)
         except (OSError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
-    return read_dump(path, columns, needed) if head.startswith("ITEM:") else read_text(path, columns, needed)
+    if head.startswith("ITEM:"):
+        return read_dump(path, columns, needed)
+    if head.startswith("---"):
+        if "LAMMPS" not in second:
+            raise UsageError(
+                f"{path}, line 2: {second.strip()[:40]!r} should be 'creator: LAMMPS': of YAML, only `dump yaml` is read"
+            )
+        return read_yaml_dump(path, columns, needed)
+    if is_extended_xyz(head, second):
+        return read_extended_xyz(path, columns, needed)
+    if head.startswith("#format "):
+        raise UsageError(f"{str(path)!r} is a single frame of YADE: give the folder of the series")
+    if head.strip().isdigit():
+        raise UsageError(
+            f"{path}, line 2: no Properties=...: of XYZ, the extended form is read (LAMMPS: `dump extxyz`)"
+        )
+    return read_text(path, columns, needed)
+
+
+def _begins_with(path: Path, magic: bytes) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(len(magic)) == magic
+    except OSError as error:
+        raise UsageError(f"{str(path)!r} cannot be read ({error.strerror or error})") from error
 
 
 def dimension_of(trajectory: Trajectory) -> int:

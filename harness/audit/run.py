@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     auditor: Auditor | None = None
     kept: list[State] = []
     with np.errstate(over="ignore", invalid="ignore"):
-        for state in _guarded_states(trajectory.path, states.all(progress)):
+        for state in _guarded_states(trajectory.path, _ahead(states.all(progress))):
             if auditor is None:
                 assert states.bodies is not None
                 auditor = Auditor(
@@ -94,6 +95,20 @@ def _guarded_states(path: Path, states: Iterator[State]) -> Iterator[State]:
         yield from states
     except (EOFError, OSError, zlib.error) as error:
         raise UsageError(f"{path} cannot be read to its end ({error}): copy or write it anew") from error
+
+
+def _ahead(states: Iterator[State]) -> Iterator[State]:
+    """The same states in the same order; a thread makes the next one while one is judged."""
+
+    def following() -> State | None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            return next(states, None)
+
+    with ThreadPoolExecutor(1) as pool:
+        made = pool.submit(following)
+        while (state := made.result()) is not None:
+            made = pool.submit(following)
+            yield state
 
 
 def _without_walls(tally: Tally) -> Tally:
@@ -199,7 +214,7 @@ def _record(
     steps = auditor.intervals
     return {
         "format": FORMAT, "file": path.name, "form": trajectory.form, "frames": auditor.frames, "disks": len(bodies.id),
-        "t": [auditor.totals[0]["t"], auditor.totals[-1]["t"]], "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
+        "t": _span([row["t"] for row in auditor.totals]), "interval": [min(steps), max(steps)] if steps else [0.0, 0.0],
         "dt": scene.dt, "dimension": scene.dimension,
         "noun": bodies.noun, "remarks": [*trajectory.remarks, *filter(None, [auditor.velocity_remark()])], "digits": dict(auditor.digits),
         "walls": [wall.name for wall in scene.walls],
@@ -218,6 +233,12 @@ def _json_value(value: Any) -> Any:
     if isinstance(value, list):
         return [_json_value(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _span(times: list[float]) -> list[float]:
+    """First and last time that is a number; 0 where none is."""
+    finite = [t for t in times if math.isfinite(t)] or [0.0]
+    return [finite[0], finite[-1]]
 
 
 def _thin(rows: list[dict[str, float]]) -> list[dict[str, float]]:

@@ -23,16 +23,17 @@ class SpinChecks(Touching):
     """Checks of `Auditor` on spins and torques."""
 
     def _spin(self, interval: Interval) -> None:
+        from ninedisk.harness.audit.terms import spin_change
+
         scene, bodies, tally = self.scene, self.bodies, self.tallies["spin"]
-        b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
+        b, c, _, _, use, touch, dv, ev, hidden, _ = interval
         assert b.omega is not None
         assert c.omega is not None
-        m, inertia = np.where(use, bodies.mass, 0.0), np.where(use, bodies.inertia, 0.0)
-        turned = inertia[:, None] * np.where(use[:, None], c.omega - b.omega, 0.0)
-        share = bodies.em / bodies.mass + 2.0 * bodies.er / bodies.radius
-        err = norm(turned) * share + inertia * (
-            b.eo + c.eo + 4.0 * hidden * np.nan_to_num(np.maximum(norm(b.omega), norm(c.omega)))
-        )
+        m = np.where(use, bodies.mass, 0.0)
+        turned, err = np.empty_like(b.omega), np.empty(len(use))
+        spin_change(
+            use, b.omega, c.omega, b.eo, c.eo, bodies.mass, bodies.radius, bodies.inertia, bodies.em, bodies.er, hidden, turned, err
+        )  # fmt: skip
         if not scene.frictional and not scene.rolling and scene.damping == 0.0:
             at = np.flatnonzero(use)
             for each in (tally, self.radius_arms):
@@ -42,26 +43,9 @@ class SpinChecks(Touching):
             tally.skip(1, "global damping takes angular momentum")
             return
         walls = wall_sets(touch, len(scene.walls))
-        size = np.bincount(touch.label, use, touch.groups)
-        anchored = np.bincount(touch.label, touch.anchored, touch.groups) > 0
-        mass = np.maximum(groups_of(touch, m, use), 1e-300)
-        change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
-        arms = np.zeros(len(use))
-        for state, sign in ((c, 1.0), (b, -1.0)):
-            X, V = (groups_of(touch, m[:, None] * each, use) / mass[:, None] for each in (state.x, state.v))
-            xi, u = state.x - X[touch.label], state.v - V[touch.label]
-            change += sign * groups_of(touch, m[:, None] * cross(xi, u), use)
-            noise += groups_of(touch, bodies.em * norm(xi) * norm(dv), use)
-            noise += groups_of(
-                touch,
-                m * (norm(xi) * (state.ev + hidden * norm(state.v)) + norm(u) * (state.ex + hidden * norm(state.x))),
-                use,
-            )
-            arms = np.maximum(arms, norm(xi))
-        noise += groups_of(touch, m * arms * np.maximum(ev - b.ev - c.ev, 0.0), use)
-        # An engine forms arms out of coordinates: their rounding times the impulses.
-        passed = m * norm(dv) + squeeze * h
-        noise += groups_of(touch, 2.0 * self.eps * np.maximum(norm(b.x), norm(c.x)) * passed, use)
+        size = touch.size
+        anchored = touch.held
+        change, noise = self._moments(interval, turned, err)
         free = (walls == 0) & ~anchored & (size > 0)
         tally.skip(
             int((free & touch.across).sum()), "contacts across a periodic edge carry angular momentum through the box"
@@ -110,6 +94,42 @@ class SpinChecks(Touching):
         )
         tally.skip(int((anchored & (size > 0)).sum()), "fixed bodies take angular momentum")
 
+    def _moments(self, interval: Interval, turned: FloatArray, err: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Change of the angular momentum of each group about its centre, and its digits."""
+        from ninedisk.harness.audit.terms import arm_noise, centre_sums, moment_sums
+
+        b, c, h, _, use, touch, dv, ev, hidden, squeeze = interval
+        m, em = self.bodies.mass, self.bodies.em
+        change, noise = groups_of(touch, turned, use), groups_of(touch, err, use)
+        arms = np.zeros(len(use))
+        mass, X, V = np.empty(touch.groups), *(np.empty((touch.groups, b.x.shape[1])) for _ in range(2))
+        xi, u = np.empty(b.x.shape[1]), np.empty(b.x.shape[1])
+        for state, sign in ((c, 1.0), (b, -1.0)):
+            centre_sums(use, touch.label, m, state.x, state.v, mass, X, V)
+            moment_sums(
+                use,
+                touch.label,
+                m,
+                em,
+                state.x,
+                state.v,
+                state.ex,
+                state.ev,
+                dv,
+                X,
+                V,
+                hidden,
+                sign,
+                xi,
+                u,
+                change,
+                noise,
+                arms,
+            )
+        # An engine forms arms out of coordinates: their rounding times the impulses.
+        arm_noise(use, touch.label, m, arms, ev, b.ev, c.ev, dv, b.x, c.x, squeeze, h, self.eps, noise)
+        return change, noise
+
     def _pairs_alone(self, touch: Contacts, size: NDArray[Any], clear: NDArray[np.int64]) -> dict[int, int]:
         """Group -> its one pair, of groups of two bodies."""
         two = np.zeros(touch.groups, dtype=bool)
@@ -153,8 +173,9 @@ class SpinChecks(Touching):
         """The same for arms equal to the radii: both of a pair have the same I dw/R, and gain at most overlap times that."""
         scene, tally = self.scene, self.radius_arms
         touch, R = interval.touch, self.bodies.radius
-        place = {int(group): k for k, group in enumerate(clear)}
-        pairs = [(place[group], *touch.pairs[k]) for group, k in pair_of.items() if group in place]
+        place = np.full(touch.groups, -1, dtype=np.int64)
+        place[clear] = np.arange(len(clear))
+        pairs = [(place[group], *touch.pairs[k]) for group, k in pair_of.items() if place[group] >= 0]
         if pairs:
             at, i, j = np.array(pairs, dtype=np.int64).T
             per = [turned[body] / R[body][:, None] for body in (i, j)]
@@ -174,8 +195,9 @@ class SpinChecks(Touching):
             gain = depth * np.maximum(shear, turns)
             parts = {"digits of omega, x and v": noise[clear[at]], "arms of R: overlap times the shear impulse": gain}
             tally.judge(interval.c, norm(change[clear[at]]), parts, lambda k: who(at[k]), members)
-        size = np.bincount(touch.label, interval.use, touch.groups)
-        several = np.flatnonzero((size[clear] > 1) & ~np.isin(clear, list(pair_of)))
+        size = touch.size
+        several = np.flatnonzero(size[clear] > 1)
+        several = several[~np.isin(clear[several], list(pair_of))]
         if len(several) and scene.kn and scene.mu is not None:
             i, j = touch.pairs[:, 0], touch.pairs[:, 1]
             depth = self._depth_of_pairs(i, j, interval)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
-from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.readers.columns import Frame, Trajectory
 from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.scene import LARGEST, AuditScene, Fact
@@ -37,7 +36,7 @@ class States:
 
     def all(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
         """States in the order of the file; where it has no velocities, with central differences."""
-        made = (self._state(number, frame) for number, frame in enumerate(self.trajectory.frames(progress)))
+        made = self._each(progress)
         first = next(made, None)
         if first is None:
             return
@@ -56,6 +55,15 @@ class States:
         if len(window) == 2:
             yield difference_velocities(window[0], window[1], window[1], self.scene.gravity, one_sided=True)
 
+    def _each(self, progress: Callable[[int, int, str], None]) -> Iterator[State]:
+        frames = self.trajectory.frames(progress)
+        number = 0
+        while (frame := next(frames, None)) is not None:
+            state = self._state(number, frame)
+            frame = None  # or two would be in memory while the next one is read
+            number += 1
+            yield state
+
     def _state(self, number: int, frame: Frame) -> State:
         """A frame in the order of the first one's ids."""
         columns = frame.columns
@@ -70,34 +78,22 @@ class States:
             self.bodies = _bodies(self.trajectory.path, self.scene, here, columns, self.trajectory.rounding)
             self.has_velocity = all(f"v{axis}" in columns for axis in SPACE[self.scene.dimension])
         bodies = self.bodies
-        unique, first = np.unique(here, return_index=True)
-        place = np.searchsorted(bodies.id, unique)
-        known = (place < len(bodies.id)) & (bodies.id[np.minimum(place, len(bodies.id) - 1)] == unique)
-        rows, place = first[known], place[known]
-        present = np.zeros(len(bodies.id), dtype=bool)
-        present[place] = True
-
-        def column(name: str) -> FloatArray | None:
-            if name not in columns:
-                return None
-            found = np.full(len(bodies.id), np.nan)
-            found[place] = columns[name][rows]
-            return found
-
-        def rounding(name: str, values: FloatArray | None) -> FloatArray:
-            rule = self.trajectory.rounding.get(name, Rounding())
-            if values is None:
-                return np.zeros(len(bodies.id))
-            found = rule.error(np.nan_to_num(values))
-            return np.maximum(found, np.ldexp(np.abs(np.nan_to_num(values)), -24)) if self.scene.single else found
+        row, doubled, new = _rows_of(bodies.id, here)
+        present = row >= 0
+        single = 2.0**-24 if self.scene.single else 0.0
 
         def vector(names: Sequence[str]) -> tuple[FloatArray | None, FloatArray]:
             """Components side by side and the error of the vector; None where one is not in the file."""
-            parts = [column(name) for name in names]
-            if any(part is None for part in parts):
-                return None, np.zeros(len(bodies.id))
-            errors = [rounding(name, part) for name, part in zip(names, parts, strict=True)]
-            return np.column_stack([part for part in parts if part is not None]), norm(np.column_stack(errors))
+            error = np.zeros(len(bodies.id))
+            if any(name not in columns for name in names):
+                return None, error
+            found = np.empty((len(bodies.id), len(names)))
+            for axis, name in enumerate(names):
+                rule = self.trajectory.rounding.get(name, Rounding())
+                values = np.asarray(columns[name], dtype=float)[row]
+                values[~present] = np.nan
+                rule.place(values, axis, single, found, error)
+            return found, np.sqrt(error, out=error)
 
         space, turns = SPACE[self.scene.dimension], TURNS[self.scene.dimension]
         x, ex = vector(space)
@@ -118,7 +114,7 @@ class States:
         )  # fmt: skip
         self._last = state
         self._numbers(state, columns, present)
-        self._check_ids(state, len(here) - len(unique), int((~known).sum()), present, here)
+        self._check_ids(state, doubled, new, present, here)
         self._check_times(state)
         return state
 
@@ -168,10 +164,19 @@ class States:
         return frame.step * scene.dt, 0.0
 
     def _numbers(self, state: State, columns: Mapping[str, FloatArray], present: NDArray[np.bool_]) -> None:
-        bad = {name: int((~(np.abs(column) < LARGEST)).sum()) for name, column in columns.items()}
-        arrays = [*state.x.T, *state.v.T]
-        arrays += [each for array in (state.omega, state.angle) if array is not None for each in array.T]
-        wrong = present & ~(np.abs(arrays) < LARGEST).all(axis=0)
+        from ninedisk.harness.audit.sums import mark_large
+
+        any_row = np.zeros(len(columns["x"]), dtype=bool)
+        bad = {
+            name: mark_large(np.ascontiguousarray(column, dtype=float), LARGEST, any_row)
+            for name, column in columns.items()
+        }
+        wrong = np.zeros(len(present), dtype=bool)
+        for array in (state.x, state.v, state.omega, state.angle):
+            if array is not None:
+                for each in array.T:
+                    mark_large(np.ascontiguousarray(each), LARGEST, wrong)
+        wrong &= present
         given = ", ".join(f"{count} in {name}" for name, count in bad.items() if count)
         self.tallies["finite"].judge(
             state,
@@ -206,16 +211,18 @@ class States:
         )  # fmt: skip
 
     def _check_times(self, state: State) -> None:
-        if self._before is not None:
-            before = self._before
-            back = before - state.t if np.isfinite(state.t) else np.inf
-            wrong = not back < 0.0
-            value = max(back, np.finfo(float).tiny) if wrong else 0.0
+        finite = bool(np.isfinite(state.t))
+        if self._before is not None or not finite:
+            before = -np.inf if self._before is None else self._before
+            wrong = not (finite and state.t > before)
+            value = max(before - state.t, np.finfo(float).tiny) if finite else np.inf
+            after = f" after {before:.9g}" if np.isfinite(before) else ""
             self.tallies["time"].judge(
-                state, np.array([value]), {"a frame is later than the one before": np.zeros(1)},
-                lambda _: f"t = {state.t:.9g} after {before:.9g}", lambda _: np.empty(0, dtype=np.int64),
+                state, np.array([value if wrong else 0.0]), {"a frame is later than the one before": np.zeros(1)},
+                lambda _: f"t = {state.t:.9g}{after}", lambda _: np.empty(0, dtype=np.int64),
             )  # fmt: skip
-        self._before = state.t
+        if finite:
+            self._before = state.t
 
 
 def _bodies(
@@ -284,6 +291,21 @@ def _bodies(
         er,
         em,
     )
+
+
+def _rows_of(known: NDArray[np.int64], ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], int, int]:
+    """First row of each known body, -1 where it has none; how many rows repeat an id; how many ids are new."""
+    from ninedisk.harness.audit.sums import rows_of_bodies
+
+    row = np.empty(len(known), dtype=np.int64)
+    if known[-1] - known[0] == len(known) - 1 and rows_of_bodies(ids, int(known[0]), row):
+        return row, 0, 0
+    unique, first = np.unique(ids, return_index=True)
+    place = np.searchsorted(known, unique)
+    found = (place < len(known)) & (known[np.minimum(place, len(known) - 1)] == unique)
+    row[:] = -1
+    row[place[found]] = first[found]
+    return row, len(ids) - len(unique), int((~found).sum())
 
 
 def difference_velocities(

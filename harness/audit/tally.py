@@ -59,6 +59,26 @@ class State:
     torque: FloatArray | None = None
     eq: FloatArray = field(default_factory=lambda: np.empty(0))
 
+    def places(self) -> State:
+        """Places alone, for a picture: the rest would stay in memory."""
+        none = np.empty(0)
+        return State(
+            self.step,
+            self.t,
+            self.et,
+            self.place,
+            self.x,
+            none,
+            None,
+            None,
+            none,
+            none,
+            none,
+            none,
+            self.here,
+            self.cell,
+        )
+
 
 @dataclass(frozen=True)
 class Bodies:
@@ -130,29 +150,37 @@ class Tally:
         """
         if len(value) == 0:
             return
-        allowance = np.sum([np.broadcast_to(part, value.shape) for part in parts.values()], axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(value <= 0.0, 0.0, value / allowance)
-        if not (np.isfinite(ratio).all() and np.isfinite(value).all() and np.isfinite(allowance).all()):
-            ratio, value, allowance = (
-                np.nan_to_num(ratio, posinf=np.inf),
-                np.nan_to_num(value),
-                np.nan_to_num(allowance),
-            )
-        k = int(np.argmax(ratio))
+        allowance = np.zeros(len(value))
+        for part in parts.values():
+            allowance += part
+        k, lost, largest, value, allowance = _worst(np.ascontiguousarray(value, dtype=float), allowance)
         self.judged += len(value)
-        lost = int((ratio > 1.0).sum())
         self.beyond += lost
         self.series.append((state.t, float(value[k]), float(allowance[k])))
-        worse = self.worst is None or ratio[k] > self.worst["ratio"]
+        worse = self.worst is None or largest > self.worst["ratio"]
         if worse or (lost and self.first is None):
             given = {
                 "step": state.step, "t": state.t, "place": state.place, "who": who(k), "value": float(value[k]),
-                "allowance": float(allowance[k]), "ratio": min(float(ratio[k]), 1e300),
+                "allowance": float(allowance[k]), "ratio": min(largest, 1e300),
                 "parts": {name: float(np.nan_to_num(np.broadcast_to(part, value.shape)[k])) for name, part in parts.items()},
                 "disks": members(k)[:50].tolist(),
             }  # fmt: skip
             if lost and self.first is None:
                 self.first = given
             if worse:
-                self.worst, self.scene = given, state if ratio[k] > 1.0 else None
+                self.worst, self.scene = given, state.places() if largest > 1.0 else None
+
+
+def _worst(value: FloatArray, allowance: FloatArray) -> tuple[int, int, float, FloatArray, FloatArray]:
+    """Place of the largest ratio, how many are above 1, it, and both arrays as finite numbers."""
+    from ninedisk.harness.audit.sums import largest_ratio
+
+    found = np.zeros(3, dtype=np.int64)
+    largest_ratio(value, allowance, found)
+    k, lost, odd = found.tolist()
+    if not odd:
+        return k, lost, float(value[k] / allowance[k]) if value[k] > 0.0 else 0.0, value, allowance
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.nan_to_num(np.where(value <= 0.0, 0.0, value / allowance), posinf=np.inf)
+    k = int(np.argmax(ratio))
+    return k, int((ratio > 1.0).sum()), float(ratio[k]), np.nan_to_num(value), np.nan_to_num(allowance)

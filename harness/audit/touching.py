@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,10 @@ EPS = 2.0**-52
 
 @dataclass(frozen=True)
 class Contacts:
-    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge."""
+    """What may have touched in an interval: pairs of bodies, bodies with walls, groups of the former, which cross a periodic edge.
+
+    ``size`` counts the bodies of each group that move; ``held`` are groups with one that touched a fixed body.
+    """
 
     pairs: NDArray[np.int64]
     walled: NDArray[np.int64]
@@ -30,6 +34,8 @@ class Contacts:
     label: NDArray[np.int64]
     groups: int
     across: NDArray[np.bool_]
+    size: NDArray[np.int64]
+    held: NDArray[np.bool_]
 
 
 class Interval(NamedTuple):
@@ -74,7 +80,7 @@ class Touching:
         self._start: dict[str, Any] | None = None
         self._growth: list[tuple[float, float]] = []
         self._least: dict[str, Any] | None = None
-        self._cache: dict[int, Any] = {}
+        self._cache: dict[int, tuple[State | None, dict[str, Any]]] = {}
         self._ways = np.zeros(2)
         self._lag = np.zeros(3)
         self._clear: NDArray[np.bool_] | None = None
@@ -95,16 +101,28 @@ class Touching:
     def _spring_forces(self, *states: State) -> FloatArray:
         """Sum of the spring forces on each disk [N], the larger of the states'; 0 without kn."""
         n = len(self.bodies.id)
-        found = np.zeros(n)
         if self.scene.kn is None and not any(self.scene.wall_kn):
-            return found
-        for state in states:
+            return np.zeros(n)
+
+        def made(state: State) -> FloatArray:
             i, j, depth, kn, _ = self._overlaps(state)
             force = np.nan_to_num(kn) * depth
-            total = np.bincount(i, force, n)
             disks = j < n
-            found = np.maximum(found, total + np.bincount(j[disks], force[disks], n))
-        return found
+            # Of no contacts NumPy counts in integers.
+            return np.asarray(np.bincount(i, force, n) + np.bincount(j[disks], force[disks], n), dtype=float)
+
+        found = [self._once(state, "forces", partial(made, state)) for state in states]
+        return np.asarray(found[0] if len(found) == 1 else np.maximum(*found))
+
+    def _once(self, state: State, what: str, made: Callable[[], Any]) -> Any:
+        """What is made of a state alone; kept for as long as the state is needed."""
+        owner, found = self._cache.get(id(state), (None, {}))
+        if owner is not state:
+            found = {}
+            self._cache = dict(list(self._cache.items())[-1:]) | {id(state): (state, found)}
+        if what not in found:
+            found[what] = made()
+        return found[what]
 
     def _resolved_disks(
         self, b: State, c: State, use: NDArray[np.bool_], touch: Contacts, h: float, dt: float
@@ -140,47 +158,41 @@ class Touching:
 
         The way from b to c, if one event bends it, departs from its chord by at most h/4 of the change of velocity, which is ``bulge``.
         """
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
+        from ninedisk.harness.audit.kernels import pair_groups, touching_pairs
 
         n, R = len(use), self.bodies.radius
         both = b.here & c.here
-        at = np.flatnonzero(both)
-        middle, half = 0.5 * (b.x + c.x), 0.5 * (c.x - b.x)
+        middle = 0.5 * (b.x + c.x)
         bow = np.where(self.bodies.fixed, 0.0, bulge)
-        reach = R + norm(half) + bow
-        found, shift = close_pairs(middle[at], reach[at], b.cell)
-        pairs = at[found]
-        i, j = pairs[:, 0], pairs[:, 1]
-        d0, d1 = b.x[j] + shift - b.x[i], c.x[j] + shift - c.x[i]
-        displacement = d1 - d0
-        length = (displacement * displacement).sum(axis=1)
-        share = np.clip(-(d0 * displacement).sum(axis=1) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
-        gap = norm(d0 + share[:, None] * displacement) - R[i] - R[j]
-        near = (gap <= bow[i] + bow[j]) & (use[i] | use[j])
+        reach = R + 0.5 * norm(c.x - b.x) + bow
+        pairs, shift = _close_pairs_of(both, middle, reach, b.cell)
+        if not (c.here & ~b.here).any():
+            self._overlaps(c, (pairs, shift))  # what overlaps in c was near in between
+        near = np.empty(len(pairs), dtype=bool)
+        touching_pairs(pairs, shift, b.x, c.x, R, bow, use, near)
         pairs, shift = pairs[near], shift[near]
         i, j = pairs[:, 0], pairs[:, 1]
         anchored = np.zeros(n, dtype=bool)
         held = ~(use[i] & use[j])
         anchored[pairs[held].ravel()] = True
         anchored &= use
-        walled = []
-        h = c.t - b.t
-        for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
-            height = self.track.at(b.t + share_t * h).heights(x) - R[:, None]
-            walled.append(height <= (bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None])
-        on_wall = (
-            np.argwhere(np.any(walled, axis=0) & use[:, None])
-            if len(self.scene.walls)
-            else np.empty((0, 2), dtype=np.int64)
-        )
+        on_wall = np.empty((0, 2), dtype=np.int64)
+        if self.scene.walls:
+            h = c.t - b.t
+            slack = (R + bow + 0.125 * norm(self.scene.gravity) * h * h)[:, None]
+            walled = np.zeros((n, len(self.scene.walls)), dtype=bool)
+            for share_t, x in ((0.0, b.x), (0.5, middle), (1.0, c.x)):
+                walled |= self.track.at(b.t + share_t * h).heights(x) <= slack
+            on_wall = np.argwhere(walled & use[:, None])
         degree = np.bincount(pairs.ravel(), minlength=n) + np.bincount(on_wall[:, 0], minlength=n)
-        inner = pairs[~held]
-        graph = coo_array((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), shape=(n, n))
-        groups, label = connected_components(graph, directed=False)
+        label = np.empty(n, dtype=np.int64)
+        groups = pair_groups(pairs, ~held, label)
         across = np.zeros(groups, dtype=bool)
         across[label[pairs[(shift != 0.0).any(axis=1)].ravel()]] = True
-        return Contacts(pairs, on_wall, anchored, degree, label.astype(np.int64), int(groups), across)
+        size = np.bincount(label if use.all() else label[use], minlength=groups)
+        fixed = np.zeros(groups, dtype=bool)
+        fixed[label[anchored]] = True
+        return Contacts(pairs, on_wall, anchored, degree, label, int(groups), across, size, fixed)
 
     def _name(self, disk: int) -> str:
         return f"{self.bodies.noun} {self.bodies.id[disk]}"
@@ -213,20 +225,26 @@ class Touching:
             depth = np.maximum(depth, speed * (c.t - b.t))
         return depth
 
-    def _overlaps(self, state: State) -> tuple[Any, ...]:
-        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given)."""
-        cached: tuple[Any, ...] | None = self._cache.get(id(state))
-        if cached is not None and cached[0] is state:
-            return tuple(cached[1:])
+    def _overlaps(self, state: State, near: tuple[NDArray[np.int64], FloatArray] | None = None) -> tuple[Any, ...]:
+        """Contacts of a state: disk, other body (disks, then walls), overlap [m] > 0, kn, ks (NaN: not given).
+
+        ``near`` has all pairs that may overlap, and shifts as of `close_pairs`, where they are known.
+        """
+        found: tuple[Any, ...] = self._once(state, "overlaps", lambda: self._find_overlaps(state, near))
+        return found
+
+    def _find_overlaps(self, state: State, near: tuple[NDArray[np.int64], FloatArray] | None) -> tuple[Any, ...]:
+        from ninedisk.harness.audit.kernels import pair_depths
+
         scene, bodies = self.scene, self.bodies
         n, R = len(bodies.id), bodies.radius
-        at = np.flatnonzero(state.here)
-        found, shift = close_pairs(state.x[at], R[at], state.cell)
-        pairs = at[found]
-        i, j = pairs[:, 0], pairs[:, 1]
-        depth = R[i] + R[j] - norm(state.x[j] + shift - state.x[i])
-        kept = depth > 0.0
-        i, j, depth = i[kept], j[kept], depth[kept]
+        if near is None:
+            near = _close_pairs_of(state.here, state.x, R, state.cell)
+        depth = np.empty(len(near[0]))
+        pair_depths(*near, state.x, R, depth)
+        kept = np.flatnonzero(depth > 0.0)
+        depth = depth[kept]
+        i, j = near[0][kept].T
         kn, ks = (np.full(len(i), np.nan if value is None else value) for value in (scene.kn, scene.ks))
         if scene.walls:
             over = np.nan_to_num(R[:, None] - self.track.at(state.t).heights(state.x), nan=-1.0)
@@ -234,12 +252,14 @@ class Touching:
             i, j, depth = np.r_[i, on[:, 0]], np.r_[j, n + on[:, 1]], np.r_[depth, over[on[:, 0], on[:, 1]]]
             kn, ks = (np.r_[own, np.array([np.nan if each is None else each for each in given], dtype=float)[on[:, 1]]]
                       for own, given in ((kn, scene.wall_kn), (ks, scene.wall_ks)))  # fmt: skip
-        kept_pairs = (i.astype(np.int64), j.astype(np.int64), depth, kn, ks)
-        self._cache = dict(list(self._cache.items())[-3:]) | {id(state): (state, *kept_pairs)}
-        return kept_pairs
+        return i.astype(np.int64), j.astype(np.int64), depth, kn, ks
 
     def _spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
         """Energies of springs by disk [J] and their errors; a pair's stand at its first disk."""
+        found: dict[str, FloatArray] = self._once(state, "springs", lambda: self._find_spring_energies(state, mu))
+        return found
+
+    def _find_spring_energies(self, state: State, mu: float) -> dict[str, FloatArray]:
         n = len(self.bodies.id)
         i, j, depth, kn, ks = self._overlaps(state)
         other = np.where(j < n, j, i)
@@ -257,15 +277,28 @@ class Touching:
             "shear": np.nan_to_num(shear, posinf=0.0),
             "unknown": unknown.astype(float),
         }
-        return {name: np.bincount(i, values, n).astype(float) for name, values in made.items()}
+        return {name: np.asarray(np.bincount(i, values, n), dtype=float) for name, values in made.items()}
+
+
+def _close_pairs_of(
+    here: NDArray[np.bool_], x: FloatArray, reach: FloatArray, cell: FloatArray | None
+) -> tuple[NDArray[np.int64], FloatArray]:
+    """`close_pairs` of some bodies, by the numbers of all."""
+    if here.all():
+        return close_pairs(x, reach, cell)
+    at = np.flatnonzero(here)
+    found, shift = close_pairs(x[at], reach[at], cell)
+    return at[found], shift
 
 
 def groups_of(touch: Contacts, values: FloatArray, use: NDArray[np.bool_]) -> Any:
     """Sums by group, of numbers or vectors."""
-    values = np.where(use if values.ndim == 1 else use[:, None], values, 0.0)
-    if values.ndim == 1:
-        return np.bincount(touch.label, values, touch.groups)
-    return np.column_stack([np.bincount(touch.label, values[:, k], touch.groups) for k in range(values.shape[1])])
+    from ninedisk.harness.audit.sums import sum_groups
+
+    columns = values.reshape(len(values), -1)
+    found = np.zeros((touch.groups, columns.shape[1]))
+    sum_groups(touch.label, use, columns, found)
+    return found[:, 0] if values.ndim == 1 else found
 
 
 def wall_sets(touch: Contacts, walls: int) -> NDArray[np.int64]:

@@ -51,8 +51,9 @@ def audit(
     """Check conservation laws and friction in a trajectory of any program: momentum, angular momentum, energy, overlaps, the friction
     cone, jumps, lost bodies. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
-    FILE is a LAMMPS or LIGGGHTS dump in text (.gz, .zst as well), a table (.csv, .parquet) with a row for each body and frame, or an .npz
-    of whole arrays (t, x, v, omega). It may also be a .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu. Disks in the plane need
+    FILE is a LAMMPS or LIGGGHTS dump in text (.gz, .zst as well), YAML or netCDF, a GSD, H5MD or extended XYZ file, a table (.csv,
+    .parquet) with a row for each body and frame, or an .npz of whole arrays (t, x, v, omega). It may also be a .pvd, or a folder of
+    frame-*.npz, *.vtk, *.vtp, *.vtu or of YADE's text exports. Disks in the plane need
     x and y, spheres in space x, y and z. Optional columns are id, type, vx, vy, vz, omega or omegax, omegay, omegaz, angle, radius or
     diameter, mass.
 
@@ -175,10 +176,13 @@ def _show(record: Mapping[str, Any]) -> None:
     verdicts = [check["verdict"] for check in record["checks"]]
     early = [check for check in record["checks"] if check["verdict"] == "violated"]
     if len(early) > 1:
-        first = min(early, key=lambda check: float(check["first"]["t"]))
-        out.print(
-            f"violated first: {first['id']}, at t = {first['first']['t']:.4g} s; later violations may follow from it"
-        )
+        # A time that is no number is None in a record.
+        timed = [check for check in early if check["first"]["t"] is not None]
+        if timed:
+            first = min(timed, key=lambda check: float(check["first"]["t"]))
+            out.print(
+                f"violated first: {first['id']}, at t = {first['first']['t']:.4g} s; later violations may follow from it"
+            )
     out.print(
         f"{verdicts.count('violated')} violated, {verdicts.count('holds')} hold, {verdicts.count('not decidable')} not decidable."
     )

@@ -49,6 +49,10 @@ def judge(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers.")
     ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="MOTION", help="Judge this motion; may be repeated.")
+    ] = None,
 ) -> None:
     """Hold forces and torques that a code returned against closed forms, and name the conventions that fit.
 
@@ -58,37 +62,50 @@ def judge(
     \b
     Examples:
       ninedisk law-test judge law
-      ninedisk law-test judge law --json law.json
+      ninedisk law-test judge law --json law.json --out law-page
+      ninedisk law-test judge law --only shear-elastic --only spin
 
     \b
     Exit codes:
-      0  nothing is violated; motions without forces are not judged
+      0  nothing is violated
       1  something is violated
-      2  wrong usage, or a file that cannot be read: file, line and column are named
+      2  wrong usage, a file that cannot be read (file, line and column are named), or motions without forces that --only does not leave out
     """
+    from ninedisk.harness.api.errors import UsageError
     from ninedisk.harness.api.text import one_line
     from ninedisk.harness.audit.law_test import HOLDS, UNDECIDED, VIOLATED, judge_law_test
     from ninedisk.harness.results.tables import plain_json
-    from ninedisk.harness.results.whole_file import check_writable, write_whole
+    from ninedisk.harness.results.whole_file import check_folder, check_writable, write_whole
+    from ninedisk.reports.law_test import write_law_page
 
     if json_file is not None:
         check_writable("--json", json_file)
-    record = judge_law_test(folder)
+    if out is not None:
+        check_folder("--out", out)
+    record = judge_law_test(folder, only or ())
     if json_file is not None:
         write_whole("--json", json_file, plain_json(record) + "\n")
     shown = table("", "check", "verdict")
     for check in record["checks"]:
         sign = {VIOLATED: "✗", HOLDS: "✓"}.get(check["verdict"], "?")
         shown.add_row(sign, check["id"], one_line(check["said"]))
-    out = console()
-    out.print(shown)
+    screen = console()
+    screen.print(shown)
     conventions = table("convention", "found", "declared")
     for name, given in record["conventions"].items():
         declared = "" if given["declared"] is None else str(given["declared"]).lower()
         conventions.add_row(name, given["said"], declared)
-    out.print(conventions)
+    screen.print(conventions)
     verdicts = [check["verdict"] for check in record["checks"]]
-    out.print(
+    screen.print(
         f"{verdicts.count(VIOLATED)} violated, {verdicts.count(HOLDS)} hold, {verdicts.count(UNDECIDED)} not decidable."
     )
-    raise typer.Exit(WRONG if VIOLATED in verdicts else 0)
+    if out is not None:
+        typer.echo(f"page: {write_law_page(record, out)}")
+    if VIOLATED in verdicts:
+        raise typer.Exit(WRONG)
+    if record["missing"]:
+        raise UsageError(
+            f"no forces for {', '.join(record['missing'])}: write {record['missing'][0]}.forces.csv and so on, or name the motions to "
+            "judge by --only"
+        )

@@ -49,19 +49,22 @@ def check_folder(flag: str, path: Path) -> None:
     UsageError
         Naming the option ``flag`` and the path.
     """
+    above = None
     try:
         if path.exists() and not path.is_dir():
             raise UsageError(f"{flag} {str(path)!r} is a file: give a folder")
         above = next(each for each in (path, *path.absolute().parents) if each.exists())
-        if not (above.is_dir() and os.access(above, os.W_OK | os.X_OK)):
-            raise UsageError(
-                f"{flag} {str(path)!r} cannot be written: {str(above)!r} is no folder that you may write to; give another one"
-            )
+        if not above.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        with tempfile.TemporaryDirectory(prefix=".ninedisk-", dir=above):  # rights alone say nothing about /proc
+            pass
     except (OSError, ValueError) as error:
         if isinstance(error, UsageError):
             raise
+        why = getattr(error, "strerror", None) or error
+        place = f" in {str(above)!r}" if above is not None and above != path else ""
         raise UsageError(
-            f"{flag} {str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error})"
+            f"{flag} {str(path)!r} cannot be written: no file can be made{place} ({why}); give another folder"
         ) from error
 
 

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from ninedisk.core.archive import make_folder
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.results.reader import run_ids
 
@@ -67,13 +68,15 @@ def installed(distribution: str, version: str, folder: Path, note: Callable[[str
     ------
     UsageError
         If pip cannot install it: the message has pip's last lines, or the versions that there are.
+    UnwritableFileError
+        If the folder cannot be made.
     """
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
     place = folder / f"{distribution}-{version}-python{python}"
     if place.is_dir():
         return place
     note(f"installing {distribution} {version}")
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with tempfile.TemporaryDirectory(dir=folder) as fresh:
         constraints = Path(fresh) / "constraints.txt"
         constraints.write_text(f"numpy=={metadata.version('numpy')}\n", encoding="utf-8")

@@ -99,6 +99,15 @@ OWN: dict[str, dict[str, Any]] = {
     "free_rotation.free_rotation": {"inertia": (1.0, 2.0, 3.0), "spin": (0.1, 2.0, 0.3)},
     "free_rotation.euler_steps": {"inertia": (1.0, 2.0, 3.0), "spin": (0.1, 2.0, 0.3)},
     "box.tipping_box": {"half_length": 0.1},
+    "rocking_box.rocking_box": {"spin": 0.5, "half_length": 0.2, "t": np.array([0.0, 9.0])},
+    "rocking_box.rocking_ratio": {"half_length": 0.2},
+    "corner_impact.corner_impact": {
+        "inertia": (0.16, 0.29, 0.37),
+        "axes": np.eye(3),
+        "arm": (-0.1, -0.27, -0.57),
+        "velocity": (1.0, 0.5, -1.0),
+        "spin": (0.1, 0.2, 0.3),
+    },
     "wedge.wedge": {"speed": 0.01, "half_width": 0.7, "t": np.array([0.0, 0.1])},
 }
 """Right arguments of their own functions."""

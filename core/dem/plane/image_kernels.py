@@ -39,26 +39,21 @@ from ninedisk.core.dem.plane.force_kernels import (
     scatter,
 )
 from ninedisk.core.dem.plane.kick_kernels import farther
-from ninedisk.core.dem.plane.neighbour_kernels import copy_list, divide, mark_built, put_in_order
 from ninedisk.core.dem.plane.sample_kernels import synchronised_part
 from ninedisk.core.dem.state import (
     BETA,
     KN,
     KS,
-    NOT_FINITE,
     OK,
     PAIRS_FULL,
     Cells,
     DiskArrays,
     Images,
-    Lists,
     NeighbourList,
     Samples,
-    StepConstants,
     System,
     Team,
     Views,
-    WallArrays,
 )
 
 XX, XY, YY, RATE_XX, RATE_XY, RATE_YY = range(6)
@@ -268,8 +263,8 @@ def build_image_pairs(
 
 
 @inline_kernel
-def close_ring(disks: DiskArrays, cells: Cells, team: Team) -> None:
-    """Make the stripes a ring, each of which touches no further than the next: an even number of them, or one.
+def close_ring(disks: DiskArrays, cells: Cells, team: Team, mixed: bool) -> None:
+    """Make the stripes a ring, each of which touches no further than the next: an even number of them, or one, as for ``mixed`` sizes.
 
     The first row of the grid is then the border of the first stripe, too; a single stripe is all border.
     """
@@ -277,7 +272,7 @@ def close_ring(disks: DiskArrays, cells: Cells, team: Team) -> None:
     n, used = disks.x.shape[0], 0
     while used < stripe.shape[0] - 1 and stripe[used + 1] > stripe[used]:
         used += 1
-    if used < 2 or cells.grid[2] > 1.0:
+    if used < 2 or mixed or cells.grid[2] > 1.0:
         used = 1
     elif used % 2 == 1:
         used -= 1
@@ -286,40 +281,6 @@ def close_ring(disks: DiskArrays, cells: Cells, team: Team) -> None:
         if s < stripe.shape[0] - 1:
             border[s] = n
     border[0] = n if used == 1 else cells.start[int(cells.grid[3])]
-
-
-@kernel
-def rebuild_images(
-    disks: DiskArrays,
-    walls: WallArrays,
-    lists: Lists,
-    images: Images,
-    team: Team,
-    step: StepConstants,
-    skin: float,
-) -> int:
-    """Rebuild the list of pairs with this skin [m] as `neighbour_kernels.rebuild` does, with images; there are no walls."""
-    pairs, spare, cells = lists.pairs, lists.spare, lists.cells
-    if not sort_into_images(disks.x, 2.0 * step.widest + skin, images, cells):
-        return NOT_FINITE
-    if step.sorted:
-        for k in range(disks.x.shape[0]):
-            disks.force[k, 0], disks.force[k, 1] = images.home[cells.order[k], 0], images.home[cells.order[k], 1]
-        for k in range(disks.x.shape[0]):
-            images.home[k, 0], images.home[k, 1] = disks.force[k, 0], disks.force[k, 1]
-        put_in_order(disks, cells)
-    code = build_image_pairs(disks.x, disks.radius, skin, images, cells, step.sorted, disks.listed, pairs, spare)
-    if code != OK:
-        return code
-    copy_list(spare, pairs)
-    for k in range(2 * spare.start[disks.x.shape[0]]):
-        images.shift[k] = images.spare[k]
-    for c in range(3):
-        images.built[c] = images.now[c]
-    divide(disks.x.shape[0], cells, team)
-    close_ring(disks, cells, team)
-    mark_built(disks, walls)
-    return OK
 
 
 @fused_inline_kernel

@@ -1,4 +1,4 @@
-"""Kernels of the contact search and its rebuild: cell list, half neighbour list with a skin, disks near walls, order of the disks, stripes.
+"""Kernels of the contact search: cell list, half neighbour list with a skin, disks near walls, order of the disks, stripes.
 
 The neighbour list is stored by rows: the neighbours ``j > i`` of disk ``i`` are ``other[start[i]:start[i+1]]``, beside
 each the shear force of that contact. Lists are built in the order of the disks, so the same input gives the same bits.
@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 
 from ninedisk.core.compile import inline_kernel, kernel
 from ninedisk.core.dem.state import (
-    NOT_FINITE,
     OK,
     PAIRS_FULL,
     WALL_PAIRS_FULL,
     Cells,
     DiskArrays,
-    Lists,
+    Levels,
     NeighbourList,
-    StepConstants,
     Team,
     WallArrays,
 )
@@ -37,7 +35,7 @@ REBUILD_COST = 5.0
 
 
 @inline_kernel
-def order_by_cell(cells: Cells, n: int, count: int) -> None:
+def order_by_cell(cells: Cells | Levels, n: int, count: int) -> None:
     """Counting sort of ``n`` bodies by ``cells.cell``, the numbers of their cells, of which there are ``count``."""
     for c in range(count + 1):
         cells.start[c] = 0
@@ -100,6 +98,23 @@ def sort_into_cells(x: NDArray[np.float64], width: float, cells: Cells) -> bool:
     return True
 
 
+@inline_kernel
+def enter_pair(i: int, j: int, listed: NDArray[np.uint32], old: NeighbourList, new: NeighbourList, k: int) -> None:
+    """Make the disks i and j the listed pair k, with the history that it has in the old list."""
+    bends = new.bending.shape[0] > 0
+    new.other[k] = j
+    new.shear[k] = 0.0
+    if bends:
+        new.bending[k] = 0.0
+    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
+    for o in range(old.start[a], old.start[a + 1]):
+        if old.other[o] == b:
+            new.shear[k] = old.shear[o]
+            if bends:
+                new.bending[k] = old.bending[o] if a == listed[i] else -old.bending[o]
+            break
+
+
 @kernel
 def build_pairs(
     x: NDArray[np.float64],
@@ -138,7 +153,6 @@ def build_pairs(
     n = x.shape[0]
     nx, ny = int(cells.grid[3]), int(cells.grid[4])
     capacity, k = new.other.shape[0], 0
-    bends = new.bending.shape[0] > 0
     new.start[0] = 0
     for i in range(n):
         c = cells.cell[i]
@@ -155,17 +169,7 @@ def build_pairs(
                 if dx * dx + dy * dy < limit * limit:
                     if k == capacity:
                         return PAIRS_FULL
-                    new.other[k] = j
-                    new.shear[k] = 0.0
-                    if bends:
-                        new.bending[k] = 0.0
-                    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
-                    for o in range(old.start[a], old.start[a + 1]):
-                        if old.other[o] == b:
-                            new.shear[k] = old.shear[o]
-                            if bends:
-                                new.bending[k] = old.bending[o] if a == listed[i] else -old.bending[o]
-                            break
+                    enter_pair(i, j, listed, old, new, k)
                     k += 1
         new.start[i + 1] = k
     return OK
@@ -371,32 +375,3 @@ def copy_list(source: NeighbourList, target: NeighbourList) -> None:
     if source.bending.shape[0] > 0:
         for k in range(source.start[rows - 1]):
             target.bending[k] = source.bending[k]
-
-
-@kernel
-def rebuild(disks: DiskArrays, walls: WallArrays, lists: Lists, team: Team, step: StepConstants, skin: float) -> int:
-    """Rebuild both lists with this skin [m], their history carried over; forces and torques are zero afterwards.
-
-    Returns
-    -------
-    int
-        OK, PAIRS_FULL, WALL_PAIRS_FULL or NOT_FINITE; on any but OK the lists in use are untouched.
-    """
-    pairs, wall_pairs, spare, wall_spare, cells = lists
-    if not sort_into_cells(disks.x, 2.0 * step.widest + skin, cells):
-        return NOT_FINITE
-    if step.sorted:
-        put_in_order(disks, cells)
-    for i in range(disks.torque.shape[0]):
-        disks.torque[i] = 0.0
-    code = build_pairs(disks.x, disks.radius, skin, cells, step.sorted, disks.listed, pairs, spare)
-    if code != OK:
-        return code
-    code = build_wall_pairs(disks.x, disks.radius, skin, walls.now, disks.listed, disks.torque, wall_pairs, wall_spare)
-    if code != OK:
-        return code
-    copy_list(spare, pairs)
-    copy_list(wall_spare, wall_pairs)
-    divide(disks.x.shape[0], cells, team)
-    mark_built(disks, walls)
-    return OK

@@ -18,11 +18,11 @@ from ninedisk.core.dem.plane.image_kernels import (
     gather_shares,
     image_forces,
     place_cell,
-    rebuild_images,
     record_images,
 )
 from ninedisk.core.dem.plane.kick_kernels import farther, farthest, kick_and_drift
-from ninedisk.core.dem.plane.neighbour_kernels import REBUILD_COST, next_skin, rebuild
+from ninedisk.core.dem.plane.neighbour_kernels import REBUILD_COST, next_skin
+from ninedisk.core.dem.plane.rebuild_kernels import rebuild, rebuild_images
 from ninedisk.core.dem.plane.sample_kernels import lost_so_far, record, record_contacts
 from ninedisk.core.dem.plane.watch_kernels import may_be_unstable, spread
 from ninedisk.core.dem.state import (

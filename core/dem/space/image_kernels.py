@@ -90,6 +90,17 @@ def beside_flow(state: State, images: Images, t: float, begin: int, end: int) ->
     return far
 
 
+@inline_kernel
+def face_distances(h: Floats, apart: Floats) -> None:
+    """Distances of the faces of a cell with these edges [m]: 1 over the rows of h^-1."""
+    for c in range(3):
+        total = 0.0
+        for b in range(3):
+            e = solved(h, 1.0 if b == 0 else 0.0, 1.0 if b == 1 else 0.0, 1.0 if b == 2 else 0.0)
+            total += e[c] * e[c]
+        apart[c] = 1.0 / sqrt(total)
+
+
 @kernel
 def sort_into_images(state: State, images: Images, width: float, cells: Cells) -> bool:
     """Put the spheres into boxes of the cell at least ``width`` [m] wide, as far as it has room; False if a position is not finite.
@@ -98,13 +109,8 @@ def sort_into_images(state: State, images: Images, width: float, cells: Cells) -
     """
     h, n = images.now, state.radius.shape[0]
     count, apart, most = images.boxes, images.scratch, int(cells.start.shape[0]) - 1
-    # Distances of the faces: 1 over the rows of h^-1.
+    face_distances(h, apart)
     for c in range(3):
-        total = 0.0
-        for b in range(3):
-            e = solved(h, 1.0 if b == 0 else 0.0, 1.0 if b == 1 else 0.0, 1.0 if b == 2 else 0.0)
-            total += e[c] * e[c]
-        apart[c] = 1.0 / sqrt(total)
         count[c] = max(1, int(min(apart[c] / width, 1e6)))
     while count[0] * count[1] * count[2] > most:
         largest = int(np.argmax(count))
@@ -150,6 +156,43 @@ def image_of(old: Contacts, i: int, j: int, along: Floats) -> int:
     return -1
 
 
+@inline_kernel
+def is_listed_image(shift: Floats) -> bool:
+    """Whether a sphere and its own image so many edges away are listed: of ``s`` and ``-s`` one is."""
+    return bool(shift[0] > 0.0 or (shift[0] == 0.0 and (shift[1] > 0.0 or (shift[1] == 0.0 and shift[2] > 0.0))))
+
+
+@inline_kernel
+def beyond_skin(state: State, h: Floats, shift: Floats, i: int, j: int, skin: float) -> bool:
+    """Whether the gap of a sphere and an image is at least ``skin`` [m]."""
+    x, d2 = state.x, 0.0
+    for a in range(3):
+        d = x[WIDE * j + a] - x[WIDE * i + a]
+        for b in range(3):
+            d += h[a, b] * shift[b]
+        d2 += d * d
+    reach = state.radius[i] + state.radius[j]
+    return bool(d2 >= (reach + skin) * (reach + skin))
+
+
+@inline_kernel
+def enter_image(
+    state: State, materials: Materials, laws: Floats, shift: Floats, i: int, j: int, old: Contacts, new: Contacts, k: int
+) -> None:  # fmt: skip
+    """Make sphere i and this image of sphere j the listed pair k, with the memory that it has in the old list."""
+    radius, inv_mass, inv_inertia = state.radius, state.inv_mass, state.inv_inertia
+    number = materials.pair[materials.of[i], materials.of[j]]
+    about = about_contact(state, i) + about_contact(state, j)
+    masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
+    record_pair(new, k, laws, number, radius[i] * radius[j] / (radius[i] + radius[j]), masses, about, inertias)
+    new.row[k], new.other[k] = i, j
+    for c in range(3):
+        new.notes[k, IMAGE + c] = shift[c]
+    o = image_of(old, i, j, shift)
+    if o >= 0:
+        inherit(old, o, new, k, False)
+
+
 @kernel
 def list_images(
     state: State,
@@ -166,7 +209,7 @@ def list_images(
 
     A sphere and its own image are a pair, too: of ``s`` and ``-s`` the one is listed whose first number that is not 0 is positive.
     """
-    x, radius, inv_mass, inv_inertia, h = state.x, state.radius, state.inv_mass, state.inv_inertia, images.now
+    radius, h = state.radius, images.now
     nx, ny, nz = int(cells.grid[0]), int(cells.grid[1]), int(cells.grid[2])
     mx, my, mz = int(cells.grid[3]), int(cells.grid[4]), int(cells.grid[5])
     room, k, shift = new.other.shape[0], 0, images.scratch
@@ -186,32 +229,13 @@ def list_images(
                         shift[0] = ax - images.home[j, 0] + images.home[i, 0]
                         shift[1] = ay - images.home[j, 1] + images.home[i, 1]
                         shift[2] = az - images.home[j, 2] + images.home[i, 2]
-                        if i == j and not (
-                            shift[0] > 0.0
-                            or (shift[0] == 0.0 and (shift[1] > 0.0 or (shift[1] == 0.0 and shift[2] > 0.0)))
-                        ):
+                        if i == j and not is_listed_image(shift):
                             continue
-                        d2 = 0.0
-                        for a in range(3):
-                            d = x[WIDE * j + a] - x[WIDE * i + a]
-                            for b in range(3):
-                                d += h[a, b] * shift[b]
-                            d2 += d * d
-                        reach = radius[i] + radius[j]
-                        if d2 >= (reach + skin) * (reach + skin) or (materials.fixed[i] and materials.fixed[j]):
+                        if beyond_skin(state, h, shift, i, j, skin) or (materials.fixed[i] and materials.fixed[j]):
                             continue
                         if k == room:
                             return False
-                        number = materials.pair[materials.of[i], materials.of[j]]
-                        about = about_contact(state, i) + about_contact(state, j)
-                        masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
-                        record_pair(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
-                        new.row[k], new.other[k] = i, j
-                        for c in range(3):
-                            new.notes[k, IMAGE + c] = shift[c]
-                        o = image_of(old, i, j, shift)
-                        if o >= 0:
-                            inherit(old, o, new, k, False)
+                        enter_image(state, materials, laws, shift, i, j, old, new, k)
                         k += 1
         new.start[i + 1] = k
     return True

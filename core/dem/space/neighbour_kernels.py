@@ -41,6 +41,7 @@ from ninedisk.core.dem.space.state import (
     Integers,
     Numbers,
     State,
+    Vector,
 )
 from ninedisk.core.dem.space.state import MEMORY_WIDTH_RESISTED as ALL
 from ninedisk.core.dem.state import Cells
@@ -70,6 +71,31 @@ class Materials(NamedTuple):
     moves: Integers
 
 
+@inline_kernel
+def box_around(x: Floats, n: int) -> tuple[bool, Vector, Vector]:
+    """Whether coordinates and extents are finite, lower corner and extents of the box around the n centres [m]."""
+    low_x, low_y, low_z = x[0], x[1], x[2]
+    high_x, high_y, high_z = low_x, low_y, low_z
+    finite = True
+    for i in range(n):
+        finite = finite and np.isfinite(x[WIDE * i] + x[WIDE * i + 1] + x[WIDE * i + 2])
+        low_x, high_x = min(low_x, x[WIDE * i]), max(high_x, x[WIDE * i])
+        low_y, high_y = min(low_y, x[WIDE * i + 1]), max(high_y, x[WIDE * i + 1])
+        low_z, high_z = min(low_z, x[WIDE * i + 2]), max(high_z, x[WIDE * i + 2])
+    long = high_x - low_x, high_y - low_y, high_z - low_z
+    return bool(finite and np.isfinite(long[0] + long[1] + long[2])), (low_x, low_y, low_z), long
+
+
+@inline_kernel
+def axes_of(long: Vector) -> tuple[int, int, int]:
+    """Axes of a box with these sides along which cells, rows and layers of cells follow each other: layers along the longest one."""
+    high = 0 if long[0] >= long[1] and long[0] >= long[2] else 1 if long[1] >= long[2] else 2
+    wide, deep = (high + 1) % 3, (high + 2) % 3
+    if long[wide] > long[deep]:
+        wide, deep = deep, wide
+    return wide, deep, high
+
+
 @kernel
 def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
     """Counting sort of the centres into cubic cells; layers are along the longest side of the box around them, rows along the shortest.
@@ -89,23 +115,10 @@ def sort_into_cells(x: Floats, width: float, cells: Cells) -> bool:
         False if a coordinate, or the extent of all, is not finite.
     """
     n, grid = cells.cell.shape[0], cells.grid
-    low_x, low_y, low_z = x[0], x[1], x[2]
-    high_x, high_y, high_z = low_x, low_y, low_z
-    finite = True
-    for i in range(n):
-        finite = finite and np.isfinite(x[WIDE * i] + x[WIDE * i + 1] + x[WIDE * i + 2])
-        low_x, high_x = min(low_x, x[WIDE * i]), max(high_x, x[WIDE * i])
-        low_y, high_y = min(low_y, x[WIDE * i + 1]), max(high_y, x[WIDE * i + 1])
-        low_z, high_z = min(low_z, x[WIDE * i + 2]), max(high_z, x[WIDE * i + 2])
-    long_x, long_y, long_z = high_x - low_x, high_y - low_y, high_z - low_z
-    if not (finite and np.isfinite(long_x + long_y + long_z)):
+    finite, low, long = box_around(x, n)
+    if not finite:
         return False
-    high = 0 if long_x >= long_y and long_x >= long_z else 1 if long_y >= long_z else 2
-    wide, deep = (high + 1) % 3, (high + 2) % 3
-    long = (long_x, long_y, long_z)
-    low = (low_x, low_y, low_z)
-    if long[wide] > long[deep]:
-        wide, deep = deep, wide
+    wide, deep, high = axes_of(long)
     room = cells.start.shape[0] - 1
     while (floor(long[wide] / width) + 1.0) * (floor(long[deep] / width) + 1.0) * (
         floor(long[high] / width) + 1.0
@@ -151,6 +164,25 @@ def divide(n: int, cells: Cells, stripe: Integers) -> None:
         stripe[s] = n
 
 
+@inline_kernel
+def put_in_order(state: State, listed: Integers, cells: Cells) -> None:
+    """Bring the spheres into the order of the cells; forces serve as scratch."""
+    order, scratch = cells.order, state.force
+    for values in (state.x, state.v, state.omega, state.angle, state.v_now, state.omega_now, state.mobility):
+        permute_vectors(values, order, scratch)
+    for column in (state.mass, state.inv_mass, state.inv_inertia, state.radius):
+        permute(column, order, scratch)
+    for numbers in (state.name, listed):
+        for k in range(order.shape[0]):
+            scratch[k] = numbers[order[k]]
+        for k in range(order.shape[0]):
+            numbers[k] = int(scratch[k])
+    # A counting sort is stable: sorted once more, the spheres stay where they are.
+    for c in range(int(cells.grid[IN_LAYER]) * int(cells.grid[LAYERS])):
+        for k in range(cells.start[c], cells.start[c + 1]):
+            order[k], cells.cell[k] = k, c
+
+
 @kernel
 def begin_lists(
     state: State,
@@ -186,24 +218,11 @@ def begin_lists(
     skin = next_skin(skin, steps, REBUILD_COST, mean, least, most)
     if not sort_into_cells(state.x, 2.0 * widest + skin, cells):
         return -1.0
-    order, scratch = cells.order, state.force
     if in_order:
-        for values in (state.x, state.v, state.omega, state.angle, state.v_now, state.omega_now, state.mobility):
-            permute_vectors(values, order, scratch)
-        for column in (state.mass, state.inv_mass, state.inv_inertia, state.radius):
-            permute(column, order, scratch)
-        for numbers in (state.name, listed):
-            for k in range(order.shape[0]):
-                scratch[k] = numbers[order[k]]
-            for k in range(order.shape[0]):
-                numbers[k] = int(scratch[k])
-        # A counting sort is stable: sorted once more, the spheres stay where they are.
-        for c in range(int(cells.grid[IN_LAYER]) * int(cells.grid[LAYERS])):
-            for k in range(cells.start[c], cells.start[c + 1]):
-                order[k], cells.cell[k] = k, c
+        put_in_order(state, listed, cells)
     for q in range(state.built.shape[0]):
         state.built[q] = state.x[q]
-    divide(order.shape[0], cells, stripe)
+    divide(cells.order.shape[0], cells, stripe)
     return skin
 
 
@@ -259,6 +278,32 @@ def inherit(old: Contacts, o: int, new: Contacts, k: int, turned: bool) -> None:
             new.memory[k, ROLLING + c] *= side
 
 
+@inline_kernel
+def enter_pair(
+    state: State,
+    listed: Integers,
+    materials: Materials,
+    laws: Floats,
+    i: int,
+    j: int,
+    old: Contacts,
+    new: Contacts,
+    k: int,
+) -> None:
+    """Make the spheres i and j the listed pair k, with the memory that it has in the old list."""
+    radius, inv_mass, inv_inertia, name = state.radius, state.inv_mass, state.inv_inertia, state.name
+    number = materials.pair[materials.of[name[i]], materials.of[name[j]]]
+    about = about_contact(state, i) + about_contact(state, j)
+    masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
+    record_pair(new, k, laws, number, radius[i] * radius[j] / (radius[i] + radius[j]), masses, about, inertias)
+    new.row[k], new.other[k] = i, j
+    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
+    for o in range(old.start[a], old.start[a + 1]):
+        if old.other[o] == b:
+            inherit(old, o, new, k, a != listed[i])
+            break
+
+
 @kernel
 def list_pairs(
     state: State,
@@ -272,7 +317,7 @@ def list_pairs(
     new: Contacts,
 ) -> bool:
     """List all pairs of spheres with a gap below ``skin`` [m], with the memory of the old list; False if ``new`` is too small."""
-    x, radius, inv_mass, inv_inertia, name = state.x, state.radius, state.inv_mass, state.inv_inertia, state.name
+    x, radius, name = state.x, state.radius, state.name
     n, nx, nz = radius.shape[0], int(cells.grid[IN_ROW]), int(cells.grid[LAYERS])
     ny = int(cells.grid[IN_LAYER]) // nx
     room, k = new.other.shape[0], 0
@@ -301,16 +346,7 @@ def list_pairs(
                         continue
                     if k == room:
                         return False
-                    number = materials.pair[materials.of[name[i]], materials.of[name[j]]]
-                    about = about_contact(state, i) + about_contact(state, j)
-                    masses, inertias = inv_mass[i] + inv_mass[j], inv_inertia[i] + inv_inertia[j]
-                    record_pair(new, k, laws, number, radius[i] * radius[j] / reach, masses, about, inertias)
-                    new.row[k], new.other[k] = i, j
-                    a, b = min(listed[i], listed[j]), max(listed[i], listed[j])
-                    for o in range(old.start[a], old.start[a + 1]):
-                        if old.other[o] == b:
-                            inherit(old, o, new, k, a != listed[i])
-                            break
+                    enter_pair(state, listed, materials, laws, i, j, old, new, k)
                     k += 1
         new.start[i + 1] = k
     return True

@@ -42,12 +42,11 @@ def enter_preload(
                 f"{size:g} N: it must be at right angles to it; leave out that part"
             )
         row, other = (int(place[i]), int(place[j])) if j < n else (j - n, int(place[i]))
-        side = 1.0
-        if j < n and row > other:
+        contacts, side = pairs if j < n else at_planes, 1.0
+        listed = _entries(contacts, row, other)
+        if len(listed) == 0:
             row, other, side = other, row, -1.0
-        contacts = pairs if j < n else at_planes
-        listed = np.arange(int(contacts.start[row]), int(contacts.start[row + 1]))
-        listed = listed[contacts.other[listed] == other]
+            listed = _entries(contacts, row, other)
         if images is not None:
             shifts = contacts.notes[listed, columns.IMAGE : columns.IMAGE + 3] @ images.now.T
             between = scene.spheres.x[other] - scene.spheres.x[row] + shifts
@@ -59,6 +58,13 @@ def enter_preload(
         if law[columns.HERTZ] > 0.0 and law[columns.UNLOADING] != columns.FORCE:
             value = value / _shear_stiffness(scene, law, contacts, k, (i, j), float(np.linalg.norm(apart)))
         contacts.memory[k, columns.SHEAR : columns.SHEAR + 3] = value
+
+
+def _entries(contacts: Contacts, row: int, other: int) -> IntArray:
+    """Entries of a row with this partner."""
+    listed = np.arange(int(contacts.start[row]), int(contacts.start[row + 1]))
+    found: IntArray = listed[contacts.other[listed] == other]
+    return found
 
 
 def _shear_stiffness(

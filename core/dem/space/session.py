@@ -16,6 +16,7 @@ from ninedisk.core.dem.arrays import aligned
 from ninedisk.core.dem.counts import Counts
 from ninedisk.core.dem.files import read_checkpoint, restore, state_arrays, write_checkpoint
 from ninedisk.core.dem.leaps import leaping_pair
+from ninedisk.core.dem.levels import levels_of, size_of_skins
 from ninedisk.core.dem.plane.images import check_cell
 from ninedisk.core.dem.space import state as columns
 from ninedisk.core.dem.space.arrays import (
@@ -36,6 +37,12 @@ from ninedisk.core.dem.space.arrays import (
 )
 from ninedisk.core.dem.space.critical import Network, critical_time_step
 from ninedisk.core.dem.space.image_kernels import POWER, list_images, place_cell, sort_into_images
+from ninedisk.core.dem.space.level_kernels import (
+    begin_level_lists,
+    list_image_levels,
+    list_level_pairs,
+    sort_into_image_levels,
+)
 from ninedisk.core.dem.space.neighbour_kernels import (
     REBUILD_COST,
     begin_lists,
@@ -53,6 +60,7 @@ from ninedisk.core.dem.space.step_kernels import (
     AGAIN,
     BATCH,
     BEHIND,
+    BLOCK,
     BUILT,
     DUE,
     FAR,
@@ -194,7 +202,9 @@ class SphereSession:
         self._pushes = push_arrays(scene)
         self._motion = compile_motion(scene.walls)
         self._laws, self._materials = law_tables(scene)
-        mean = float(spheres.radius.mean())
+        # Spheres that are in order are those of a scene large enough for levels; a periodic cell has them in the scene's order.
+        self._levels = levels_of(spheres.radius, 3) if in_order or scene.cell is not None else None
+        mean = size_of_skins(spheres.radius, self._levels)
         widest = float(spheres.radius.max())
         # A neck must be listed as long as it holds.
         necks = [3.0 * float(law[columns.STICKS]) * widest ** (1.0 / 3.0) for law in self._laws]
@@ -433,7 +443,10 @@ class SphereSession:
                 self.scene.xi > 0.0,
                 *self._dampings,
             )
-            plan = Plan(goal, 1 if self._one_by_one or self._images is not None else BATCH, self._front)
+            at_once = 1 if self._one_by_one or self._images is not None else BATCH
+            # Rows of pairs of two levels need not ascend in the scene's order: nothing is kicked before all forces are found.
+            block = BLOCK if self._levels is None or self._in_order else len(self._listed)
+            plan = Plan(goal, at_once, self._front, block)
             shared = (bodies, self._losses, self._images, self._motion, self._batch, clock, scheme, plan)
             status = run_in_threads(advance, self._threads, shared)
             if status == FAR:
@@ -494,11 +507,19 @@ class SphereSession:
             return
         state, clock, laws, materials, cells = self._state, self._clock, self._laws, self._materials, self._cells
         steps, listed, old = int(clock[STEP] - clock[BUILT]), self._listed, float(self._skin[0])
-        skin = begin_lists(state, listed, cells, self._batch.stripe, self._in_order, old, steps, self._sizes)
+        levels, stripe = self._levels, self._batch.stripe
+        if levels is None:
+            skin = begin_lists(state, listed, cells, stripe, self._in_order, old, steps, self._sizes)
+        else:
+            skin = begin_level_lists(state, listed, cells, levels, stripe, old, steps, self._sizes)
         if skin < 0.0:
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
         pairs, planes = self._pairs, self._at_planes
-        while not list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs):
+        while not (
+            list_pairs(state, listed, cells, materials, laws, self._in_order, skin, *pairs)
+            if levels is None
+            else list_level_pairs(state, listed, levels, materials, laws, skin, stripe, *pairs)
+        ):
             pairs[1] = enlarged_list(pairs[1])
         place = np.empty(len(listed), dtype=np.int64)
         while not list_planes(state, listed, materials, laws, skin, place, *planes):
@@ -521,9 +542,19 @@ class SphereSession:
         if steps:
             skin = float(np.clip(sqrt(REBUILD_COST * mean * skin / steps), least, most))
         place_cell(images, int(clock[STEP]) * self.contact_dt)
-        if not sort_into_images(state, images, 2.0 * widest + skin, self._cells):
+        cells, levels = self._cells, self._levels
+        sorted_in = (
+            sort_into_images(state, images, 2.0 * widest + skin, cells)
+            if levels is None
+            else sort_into_image_levels(state, images, skin, levels)
+        )
+        if not sorted_in:
             raise self._not_finite(np.abs(state.x) < np.finfo(np.float64).max / 8.0)
-        while not list_images(state, images, self._cells, self._materials, self._laws, skin, *pairs):
+        while not (
+            list_images(state, images, cells, self._materials, self._laws, skin, *pairs)
+            if levels is None
+            else list_image_levels(state, images, levels, self._materials, self._laws, skin, *pairs)
+        ):
             pairs[1] = enlarged_list(pairs[1])
         pairs.reverse()
         state.built[:], images.built[:] = state.x, images.now
@@ -679,9 +710,10 @@ class SphereSession:
             listed = {(int(i), int(j)): int(k) for k, (i, j) in zip(order, contacts.bodies[order], strict=True)}
         for column, pair in enumerate(self.pairs):
             first, second = (int(place[body]) if body < len(x) else body for body in pair)
-            i, j, side = (first, second, 1.0) if first < second else (second, first, -1.0)
-            history.gap[k, column] = self._gap(i, j)
-            found = contacts.force[listed[i, j]] if (i, j) in listed else np.zeros(4)
+            history.gap[k, column] = self._gap(min(first, second), max(first, second))
+            turned = (second, first) in listed
+            at, side = listed.get((second, first) if turned else (first, second)), -1.0 if turned else 1.0
+            found = np.zeros(4) if at is None else contacts.force[at]
             history.fn[k, column], history.fs[k, column] = found[0], side * found[1:]
         energy = history.energy
         if self._images is not None and history.stress is not None:

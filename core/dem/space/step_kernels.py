@@ -102,11 +102,15 @@ class Scheme(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread."""
+    """What `advance` is to do: steps until ``target``, at most ``at_once`` of them (1..BATCH) at a time, ``front`` in a thread.
+
+    The forces of ``block`` spheres are found before they are kicked.
+    """
 
     target: int
     at_once: int
     front: int
+    block: int
 
 
 class Batch(NamedTuple):
@@ -313,8 +317,8 @@ def step_of_stripe(
     if images is not None:
         clear_share(images)
     far, end = 0.0, batch.stripe[s + 1]
-    for low in range(batch.stripe[s], end, BLOCK):
-        high = min(low + BLOCK, end)
+    for low in range(batch.stripe[s], end, plan.block):
+        high = min(low + plan.block, end)
         if bodies.pushes.row.shape[0] > 0:
             push(state, bodies.pushes, losses, n, scheme.dt, low, high, desk.slot)
         forces_of_spheres(state, bodies.pairs, laws, losses, images, step, low, high, desk)

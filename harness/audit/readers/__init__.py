@@ -1,1 +1,1 @@
-"""Files of trajectories: LAMMPS and LIGGGHTS dumps, tables, VTK; columns by name, and the rounding that digits show."""
+"""Files of trajectories, a reader for each form; columns by name, and the rounding that digits or precision show."""

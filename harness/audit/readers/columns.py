@@ -23,17 +23,26 @@ ALIASES = {
     "t": ("time", "Time"),
     "step": ("timestep", "frame", "iter"),
     "id": ("particle", "ID"),
-    "x": ("xu", "X", "Points:0", "pos_x"),
-    "y": ("yu", "Y", "Points:1", "pos_y"),
-    "vx": ("velocity:0", "linVel:0", "linVelVec:0", "v:0", "v_x", "vel_x"),
-    "vy": ("velocity:1", "linVel:1", "linVelVec:1", "v:1", "v_y", "vel_y"),
-    "vz": ("velocity:2", "linVel:2", "linVelVec:2", "v:2", "v_z", "vel_z"),
-    "omega": ("omegaz", "wz", "angVel:2", "angVelVec:2", "omega:2", "angularVelocity:2", "angular_velocity"),
-    "omegax": ("wx", "angVel:0", "angVelVec:0", "omega:0", "angularVelocity:0"),
-    "omegay": ("wy", "angVel:1", "angVelVec:1", "omega:1", "angularVelocity:1"),
-    "fx": ("force:0", "f:0", "f_x"),
-    "fy": ("force:1", "f:1", "f_y"),
-    "fz": ("force:2", "f:2", "f_z"),
+    "x": ("xu", "X", "Points:0", "pos_x", "unwrapped_coordinates:0", "coordinates:0", "pos:0", "position:0"),
+    "y": ("yu", "Y", "Points:1", "pos_y", "unwrapped_coordinates:1", "coordinates:1", "pos:1", "position:1"),
+    "vx": ("velocity:0", "linVel:0", "linVelVec:0", "v:0", "v_x", "vel_x", "velocities:0", "vel:0", "velo:0"),
+    "vy": ("velocity:1", "linVel:1", "linVelVec:1", "v:1", "v_y", "vel_y", "velocities:1", "vel:1", "velo:1"),
+    "vz": ("velocity:2", "linVel:2", "linVelVec:2", "v:2", "v_z", "vel_z", "velocities:2", "vel:2", "velo:2"),
+    "omega": (
+        "omegaz",
+        "wz",
+        "angVel:2",
+        "angVelVec:2",
+        "omega:2",
+        "angularVelocity:2",
+        "angular_velocity",
+        "angular_velocity:2",
+    ),
+    "omegax": ("wx", "angVel:0", "angVelVec:0", "omega:0", "angularVelocity:0", "angular_velocity:0"),
+    "omegay": ("wy", "angVel:1", "angVelVec:1", "omega:1", "angularVelocity:1", "angular_velocity:1"),
+    "fx": ("force:0", "f:0", "f_x", "forces:0"),
+    "fy": ("force:1", "f:1", "f_y", "forces:1"),
+    "fz": ("force:2", "f:2", "f_z", "forces:2"),
     "torque": ("tqz", "tz", "torque:2", "torquez"),
     "tqx": ("tx", "torque:0", "torquex"),
     "tqy": ("ty", "torque:1", "torquey"),
@@ -42,15 +51,16 @@ ALIASES = {
     "radius": ("r", "radii", "Radius"),
     "mass": ("m", "Mass"),
     "type": ("mol",),
-    "z": ("zu", "Z", "Points:2", "pos_z"),
+    "z": ("zu", "Z", "Points:2", "pos_z", "unwrapped_coordinates:2", "coordinates:2", "pos:2", "position:2"),
 }
 """Other names of a column that are understood by themselves; ``[columns]`` of the TOML names any other."""
 FORMS = (
-    "a LAMMPS dump in text, a CSV or Parquet table with a row a disk and frame, an .npz of whole arrays, a .pvd index, or a "
-    "folder of frame-*.npz, *.vtk, *.vtp or *.vtu"
+    "a LAMMPS dump in text, YAML or netCDF, extended XYZ, GSD, H5MD, a CSV or Parquet table with a row a disk and frame, an .npz of whole "
+    "arrays, a .pvd index, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu or YADE's text exports"
 )
 VECTORS = tuple(f"{name}{axis}" for name in ("fs", "fn", "n") for axis in "xyz")
 """Vectors of a contact: shear force, normal force, normal."""
+NUMBER = re.compile(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*")
 SAMPLED_LINES = 600
 """Lines of each of these places that are looked at."""
 SAMPLED = 1 << 18
@@ -259,9 +269,9 @@ def _separated(lines: Sequence[str], names: Sequence[str], sep: str) -> FloatArr
 
 
 def sample_roundings(
-    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str]
+    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
 ) -> dict[str, Rounding]:
-    """Roundings by tokens of five places of a text."""
+    """Roundings by tokens of five places of a text; marks ``around`` the numbers of a line are left out."""
     tokens = {name: Tokens() for name in wanted.values()}
     if path.suffix in (".gz", ".zst"):
         with open_file(path) as stream:
@@ -275,15 +285,16 @@ def sample_roundings(
                 texts.append(raw.read(SAMPLED).decode("utf-8", "replace"))
     for text in texts:
         for line in text.split("\n")[1:-1][:SAMPLED_LINES]:
-            words = line.split(sep)
+            words = line.strip(around).split(sep) if around else line.split(sep)
             if len(words) != len(names) or words[0].startswith("ITEM"):
                 continue
             for name, word in zip(names, words, strict=True):
                 here = wanted.get(name)
                 if (
                     here is not None
-                    and len(tokens[here].seen) < 5000
-                    and re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*", word)
+                    and word not in (seen := tokens[here].seen)
+                    and len(seen) < 5000
+                    and NUMBER.fullmatch(word)
                 ):
-                    tokens[here].seen.add(word.strip())
+                    seen.add(word.strip())
     return roundings_of(tokens)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -18,11 +18,11 @@ from ninedisk.harness.audit.readers.columns import (
     column_names,
     halved,
     halved_rounding,
-    numbers_of,
     open_file,
     require,
     sample_roundings,
 )
+from ninedisk.harness.audit.readers.lines import BrokenRowsError, Lines
 from ninedisk.harness.audit.readers.rounding import Rounding
 
 MIXED_UNITS = {
@@ -33,7 +33,7 @@ HEAD = 400
 """Lines in which the first frame's columns must appear."""
 
 
-class _Box:
+class Box:
     """The box of one frame: origin and edges (rows), and along which of them everything repeats."""
 
     def __init__(self, head: str, rows: Sequence[str], where: str) -> None:
@@ -68,7 +68,7 @@ class _Box:
         return np.where(np.array(self.repeats)[:, None], self.edges, np.nan)
 
 
-class _Dump:
+class DumpColumns:
     """What the head of a dump shows: columns, units, whether times are printed."""
 
     def __init__(self, path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> None:
@@ -76,21 +76,7 @@ class _Dump:
         self.names: list[str] = []
         self.units = ""
         self.timed = False
-        self.head = ""
-        with open_file(path) as stream:
-            for line in islice(stream, HEAD):
-                if line.startswith("ITEM: UNITS"):
-                    self.units = next(stream, "").strip()
-                elif line.startswith("ITEM: TIME") and not line.startswith("ITEM: TIMESTEP"):
-                    self.timed = True
-                elif line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
-                    self.names = line.split()[2:]
-                    break
-        if not self.names:
-            raise UsageError(
-                f"{path}: no line 'ITEM: ATOMS ...' among the first {HEAD}: this is no text dump of LAMMPS (`dump custom`), or its "
-                "first frame is cut off"
-            )
+        self.read_head()
         if self.units in MIXED_UNITS:
             raise UsageError(
                 f"{path}: units {self.units} mix {MIXED_UNITS[self.units]}: an audit needs units that fit together: si, cgs, micro, nano "
@@ -112,6 +98,23 @@ class _Dump:
         else:
             require(self.found, self.names, path, needed)
 
+    def read_head(self) -> None:
+        """Names of columns, units and whether there are times, of the first frame."""
+        with open_file(self.path) as stream:
+            for line in islice(stream, HEAD):
+                if line.startswith("ITEM: UNITS"):
+                    self.units = next(stream, "").strip()
+                elif line.startswith("ITEM: TIME") and not line.startswith("ITEM: TIMESTEP"):
+                    self.timed = True
+                elif line.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
+                    self.names = line.split()[2:]
+                    break
+        if not self.names:
+            raise UsageError(
+                f"{self.path}: no line 'ITEM: ATOMS ...' among the first {HEAD}: this is no text dump of LAMMPS (`dump custom`), or its "
+                "first frame is cut off"
+            )
+
     def _scaled(self, columns: Mapping[str, str]) -> dict[str, str]:
         """Columns that are fractions of the box -> axis, where no other has the place."""
         found = {}
@@ -123,7 +126,12 @@ class _Dump:
         return found
 
     def rounding(self) -> dict[str, Rounding]:
+        """Roundings of the columns, and of fractions of the box as ``scaled x``."""
         wanted = dict(self.found) | {name: f"scaled {axis}" for name, axis in self.scaled.items()}
+        return self.sample(wanted)
+
+    def sample(self, wanted: Mapping[str, str]) -> dict[str, Rounding]:
+        """Roundings by printed numbers."""
         return sample_roundings(self.path, self.names, None, wanted)
 
 
@@ -135,16 +143,22 @@ def read_dump(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
     UsageError
         Naming file, line, frame and the way out; while frames are read, too.
     """
-    dump = _Dump(path, columns, needed)
+    return opened_dump(DumpColumns(path, columns, needed), _frames, "LAMMPS dump")
+
+
+def opened_dump(
+    dump: DumpColumns, frames_of: Callable[[DumpColumns, Progress, bool], Iterator[Frame]], form: str
+) -> Trajectory:
+    """The trajectory of a dump whose frames ``frames_of`` reads; its last argument asks for all edges of the box."""
     rules = dump.rounding()
     shares = {axis: rules.pop(f"scaled {axis}") for axis in dump.scaled.values()}
 
     def frames(progress: Progress) -> Iterator[Frame]:
-        yield from _frames(dump, progress)
+        yield from frames_of(dump, progress, False)
 
     rounding = halved_rounding(rules)
     if shares:
-        box = next((frame.cell for frame in _frames(dump, lambda *_: None, boxes=True)), None)
+        box = next((frame.cell for frame in frames_of(dump, lambda *_: None, True)), None)
         edges = np.zeros((3, 3)) if box is None else np.nan_to_num(box)
         error = {axis: float(rule.error(np.array([1.0]))[0]) for axis, rule in shares.items()}
         for k, axis in enumerate("xyz"):
@@ -161,29 +175,28 @@ def read_dump(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> 
     if dump.units and dump.units != "si":
         remarks.append(f"numbers are in units {dump.units} of LAMMPS: write the TOML in the same")
     return Trajectory(
-        path, "LAMMPS dump", frames, rounding, "t" if dump.timed else "step", frozenset(names), tuple(remarks)
+        dump.path, form, frames, rounding, "t" if dump.timed else "step", frozenset(names), tuple(remarks)
     )
 
 
-def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator[Frame]:
+def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Frame]:
     """Frames one after the other; ``boxes``: their edges instead of the periodic ones."""
     path, names = dump.path, dump.names
     size = path.stat().st_size
-    line = done = number = 0
+    wanted = [*dump.found, *dump.scaled]
+    number = 0
     step: int | None = None
     count: int | None = None
     t = np.nan
-    box: _Box | None = None
-    with open_file(path) as stream:
+    box: Box | None = None
+    with Lines(path) as lines:
 
         def one() -> str:
-            nonlocal line, done
-            text = stream.readline()
-            line += 1
-            done += len(text)
+            text = lines.readline()
             if not text:
                 raise UsageError(
-                    f"{path}, line {line}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
+                    f"{path}, line {lines.number + 1}: the file ends within the head of frame {number + 1}: cut off; cut the file before "
+                    "that frame"
                 )
             return text
 
@@ -195,11 +208,12 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                     return int(value)
             except (ValueError, OverflowError):
                 pass
-            raise UsageError(f"{path}, line {line}, frame {number + 1}: {text[:40]!r} is no {what}, a whole number")
+            raise UsageError(
+                f"{path}, line {lines.number}, frame {number + 1}: {text[:40]!r} is no {what}, a whole number"
+            )
 
-        while text := stream.readline():
-            line += 1
-            done += len(text)
+        while text := lines.readline():
+            line = lines.number
             if text.startswith("ITEM: TIMESTEP"):
                 step = whole("step")
             elif text.startswith("ITEM: TIME"):
@@ -207,14 +221,16 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                 try:
                     t = float(given)
                 except ValueError as error:
-                    raise UsageError(f"{path}, line {line}, frame {number + 1}: {given[:40]!r} is no time") from error
+                    raise UsageError(
+                        f"{path}, line {line + 1}, frame {number + 1}: {given[:40]!r} is no time"
+                    ) from error
             elif text.startswith("ITEM: NUMBER OF"):
                 count = whole("number of rows")
                 if count < 0:
-                    raise UsageError(f"{path}, line {line}, frame {number + 1}: {count} rows: it must be >= 0")
+                    raise UsageError(f"{path}, line {line + 1}, frame {number + 1}: {count} rows: it must be >= 0")
             elif text.startswith("ITEM: BOX BOUNDS"):
                 head, where = text, f"{path}, line {line + 1}, frame {number + 1}"
-                box = _Box(head, [one() for _ in range(3)], where)
+                box = Box(head, [one() for _ in range(3)], where)
             elif text.startswith("ITEM: UNITS"):
                 one()
             elif text.startswith(("ITEM: ATOMS", "ITEM: ENTRIES")):
@@ -228,31 +244,21 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                         f"{path}, line {line}, frame {number + 1}: rows without 'ITEM: {lacking}' before them: the frame's head is cut off"
                     )
                 begin = line + 1
-                lines = list(islice(stream, count))
-                line += len(lines)
-                done += sum(map(len, lines))
-                short = next((k for k, row in enumerate(lines) if row.startswith("ITEM:")), len(lines))
-                if short < count:
-                    raise UsageError(
-                        f"{path}, line {begin + short}: frame {number + 1} (step {step}) ends after {short} of {count} lines: cut off; "
-                        f"cut the file before line {begin - 1}"
-                    )
-                if lines and not lines[-1].endswith("\n"):
-                    raise UsageError(
-                        f"{path}, line {line}: the last line of frame {number + 1} (step {step}) has no end: cut off; cut the file before "
-                        f"line {begin - 1}, or end the line if it is whole"
-                    )
-                values = numbers_of(lines, names, None, path, begin) if lines else {name: np.empty(0) for name in names}
-                progress(done >> 10, size >> 10, f"kB read, step {step}")
+                try:
+                    values = lines.rows(count, names, wanted)
+                except BrokenRowsError as error:
+                    raise _broken(path, error, f"frame {number + 1} (step {step})", begin, count) from error
+                progress(lines.done >> 10, size >> 10, f"kB read, step {step}")
                 number += 1
                 found = {here: values[name] for name, here in dump.found.items()}
                 place = f"frame {number}, line {begin}"
                 if dump.scaled:
                     if box is None:
                         raise UsageError(f"{path}, {place}: fractions of a box, and no 'ITEM: BOX BOUNDS' before them")
-                    found |= _lengths(dump, values, box)
+                    found |= lengths_of_shares(dump, values, box)
                 cell = None if box is None else box.edges if boxes else box.cell()
                 yield Frame(step, t, halved(found), place, cell)
+                del values, found  # or two frames would be in memory
                 step, count, t, box = None, None, np.nan, None
             elif text.startswith("ITEM:"):
                 raise UsageError(f"{path}, line {line}: {text.strip()[:60]!r} is no item that is known here")
@@ -263,11 +269,24 @@ def _frames(dump: _Dump, progress: Progress, *, boxes: bool = False) -> Iterator
                 )
     if count is not None or step is not None:
         raise UsageError(
-            f"{path}, line {line}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
+            f"{path}, line {lines.number}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
         )
 
 
-def _lengths(dump: _Dump, values: Mapping[str, FloatArray], box: _Box) -> dict[str, FloatArray]:
+def _broken(path: Path, error: BrokenRowsError, frame: str, begin: int, count: int) -> UsageError:
+    """In words: rows of a frame that are not all there."""
+    line = begin + error.read
+    if error.unended:
+        return UsageError(
+            f"{path}, line {line - 1}: the last line of {frame} has no end: cut off; cut the file before line {begin - 1}, or end the "
+            "line if it is whole"
+        )
+    return UsageError(
+        f"{path}, line {line}: {frame} ends after {error.read} of {count} lines: cut off; cut the file before line {begin - 1}"
+    )
+
+
+def lengths_of_shares(dump: DumpColumns, values: Mapping[str, FloatArray], box: Box) -> dict[str, FloatArray]:
     """Places out of fractions of the box, of the axes that are given so."""
     share = {axis: values[name] for name, axis in dump.scaled.items()}
     found = {}

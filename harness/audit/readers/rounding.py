@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from ninedisk.core.array_types import FloatArray
 
+POWERS = np.array([*(float(f"1e{k}") for k in range(-324, 309)), np.inf])
+"""Powers of ten that are float64, 0 before and infinity after them."""
 VARIED = 20
 """Distinct numbers that a column must show for its own digits to count, else the file's most; exact numbers like 0.5 show none."""
 
@@ -43,13 +45,26 @@ class Rounding:
             found = np.maximum(found, np.where(size > 0.0, 0.5 * 10.0 ** (decade + 1 - self.significant), 0.0))
         return found
 
+    def place(self, values: FloatArray, axis: int, single: float, found: FloatArray, squares: FloatArray) -> None:
+        """Copy values to ``found[:, axis]`` and add the squares of their errors, each at least ``single`` times the number."""
+        from ninedisk.harness.audit.sums import place_rounded
+
+        least, decades = 0.0, np.empty(0)
+        if self.decimals is not None:
+            least = 0.5 * 10.0**-self.decimals
+        elif self.significant is not None:
+            decades = 0.5 * 10.0 ** (np.arange(-324.0, 309.0) + 1 - self.significant)
+        place_rounded(
+            values, axis, 2.0**-self.bits, least, POWERS, decades, self.factor, self.absolute, single, found, squares
+        )
+
     def description(self) -> str:
         """In words."""
         if self.decimals is not None:
             return f"{self.decimals} decimals"
         if self.significant is not None and self.significant < 16:
             return f"{self.significant} significant digits"
-        return "single precision" if self.bits == 24 else "double precision"
+        return "single precision" if self.bits <= 24 else "double precision"
 
 
 @dataclass
@@ -60,9 +75,10 @@ class Tokens:
 
     def rounding(self, most: int) -> Rounding:
         """Rule that the tokens follow; ``most`` significant digits where they are too few to decide."""
-        values = [token for token in self.seen if float(token) != 0.0]
-        finite = np.array([float(token) for token in values])
-        finite = finite[np.isfinite(finite)]
+        numbers = {token: float(token) for token in self.seen}
+        values = [token for token in self.seen if numbers[token] != 0.0]
+        sizes = np.abs([numbers[token] for token in values])
+        finite = sizes[np.isfinite(sizes)]
         with np.errstate(over="ignore"):
             single = len(finite) >= VARIED and bool((finite == finite.astype(np.float32)).all())
         if single:
@@ -71,9 +87,8 @@ class Tokens:
         if len(plain) == 1 and (decimals := plain.pop()) > 0 and any(token.endswith("0") for token in self.seen):
             return Rounding(decimals=decimals)
         if plain and len(values) >= VARIED:
-            by_decade: dict[int, int] = {}
-            for token in values:
-                decade = int(np.floor(np.log10(abs(float(token)))))
+            by_decade: dict[float, int] = {}
+            for token, decade in zip(values, np.floor(np.log10(sizes)).tolist(), strict=True):
                 by_decade[decade] = max(by_decade.get(decade, 0), _decimals(token))
             low, high = min(by_decade), max(by_decade)
             if high > low and by_decade[low] == by_decade[high] > 0:
@@ -82,9 +97,11 @@ class Tokens:
         return Rounding(significant=max(own, 1) if len(values) >= VARIED else max(own, most, 1))
 
 
+@lru_cache(1 << 17)
 def _significant(token: str) -> int:
-    digits = re.sub(r"[^0-9]", "", token.lower().partition("e")[0]).lstrip("0")
-    return len(digits) if "." in token or "e" in token.lower() else len(digits.rstrip("0"))
+    mantissa, mark, _ = token.lower().partition("e")
+    digits = mantissa.lstrip("+-").replace(".", "").lstrip("0")
+    return len(digits) if mark or "." in token else len(digits.rstrip("0"))
 
 
 def _decimals(token: str) -> int:

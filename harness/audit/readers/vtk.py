@@ -56,6 +56,8 @@ def read_series(path: Path, columns: Mapping[str, str]) -> Trajectory:
         for k in chosen:
             values, printed = (_legacy if kind == ".vtk" else _xml)(files[k])
             for name, here in found.items():
+                if name not in values:
+                    raise UsageError(f"{files[k]}: there is no array {name!r}, which the first frame has")
                 tokens.setdefault(here, Tokens()).seen.update(printed.get(name, ())[:1000])
                 rounding[here] = Rounding(bits=24 if values[name].dtype == np.float32 else 53)
         for here, rule in roundings_of({name: each for name, each in tokens.items() if each.seen}).items():

@@ -73,7 +73,15 @@ def about_z(angle: float) -> list[float]:
     return [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
 
 
-def box_on_plane(*, half: Any, mu: float, yaw: float, gravity: FloatArray, v: FloatArray | None = None) -> SphereScene:
+def box_on_plane(
+    *,
+    half: Any,
+    mu: float,
+    yaw: float,
+    gravity: FloatArray,
+    v: FloatArray | None = None,
+    omega: FloatArray | None = None,
+) -> SphereScene:
     """One box that stands on the plane z = 0 with a face."""
     law = SphereLaw(kn=KN, ks=KN, mu=mu, restitution=0.0, regularised=True)
     box = Spheres(
@@ -82,6 +90,7 @@ def box_on_plane(*, half: Any, mu: float, yaw: float, gravity: FloatArray, v: Fl
         half_sizes=np.array([half]),
         quaternion=np.array([about_z(yaw)]),
         v=np.zeros((1, 3)) if v is None else v[None, :],
+        omega=np.zeros((1, 3)) if omega is None else omega[None, :],
     )
     floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
     x, y, z = gravity.tolist()

@@ -110,9 +110,9 @@ class NodeSession(WorldSession):
         self.found = self._ask({"steps": n_steps, "drives": drives or None, "loads": loads or None})
         self.cpu_seconds += self.found["cpu"]
 
-    def step(self, *, last: bool) -> None:
-        """Steps are asked for by `advance`."""
-        raise NotImplementedError
+    def step(self, *, last: bool) -> None:  # noqa: ARG002
+        """One step; `advance` asks for many at once."""
+        self.advance(1)
 
     def copy(self, history: History, row: int) -> None:
         """Copy the state."""

@@ -14,6 +14,7 @@ from nurbs_shapes_of_tests import outline, periodic, ring
 from ninedisk.core import ContactLaw, Disks, Scene
 from ninedisk.core.compile import fused_kernel
 from ninedisk.core.dem.arrays import disk_arrays, disk_views, law_row
+from ninedisk.core.dem.levels import no_levels
 from ninedisk.core.dem.neighbours import empty_cells, empty_list
 from ninedisk.core.dem.plane.force_kernels import SCRATCH, disk_disk_forces, shear_force
 from ninedisk.core.dem.state import (
@@ -136,7 +137,7 @@ def test_contact_of_disks_against_disks(record_property: Callable[[str, object],
     pairs.other[:] = np.arange(1, 2 * n, 2)
     row = np.array(law_row(law))
     views = disk_views(
-        disks, Lists(pairs, empty_list(0, 0), empty_list(2 * n, n), empty_list(0, 0), empty_cells(0)), row
+        disks, Lists(pairs, empty_list(0, 0), empty_list(2 * n, n), empty_list(0, 0), empty_cells(0), no_levels()), row
     )
     scratch = np.zeros(SCRATCH)
     run = nurbs_run(

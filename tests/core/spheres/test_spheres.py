@@ -152,7 +152,9 @@ def test_bits_do_not_depend_on_how_many_steps_go_at_once(column: SphereScene, mo
     monkeypatch.setattr(SphereSession, "_return", lambda session: (returns.append(session), back(session)))
 
     def run(scene: SphereScene, threads: int, most: int, front: int) -> History:
-        monkeypatch.setattr(sessions, "Plan", lambda target, at_once, _: Plan(target, min(at_once, most), front))
+        monkeypatch.setattr(
+            sessions, "Plan", lambda target, at_once, _, block: Plan(target, min(at_once, most), front, block)
+        )
         return SphereSession(scene, THROWN.replace(n_steps=20), threads=threads).run()
 
     for scene in (column, replace(column, spheres=hit)):

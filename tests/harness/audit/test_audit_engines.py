@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -20,6 +21,13 @@ CHOSEN = (
     "lammps-3d-frozen-spins",
     "lammps-3d-radius-of-diameter",
     "lammps-2d-disc-update",
+    "lammps-3d-yaml",
+    "lammps-3d-yaml-triclinic-scaled",
+    "lammps-3d-yaml-gravity",
+    "lammps-3d-extxyz",
+    "lammps-3d-extxyz-gravity",
+    "lammps-3d-restart",
+    "lammps-3d-restart-lost-history",
 )
 
 
@@ -39,4 +47,13 @@ def tool() -> ModuleType:
 @pytest.mark.parametrize("name", CHOSEN)
 def test_files_of_lammps(tool: ModuleType, tmp_path: Path, name: str) -> None:
     expected = tool.write_lammps(tmp_path, [name])
+    assert tool.judge(tmp_path, expected) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("yade") is None, reason="needs YADE")
+def test_files_of_yade(tool: ModuleType, tmp_path: Path) -> None:
+    """Tables and text exports, right and with another gravity."""
+    expected = tool.write_yade(tmp_path)
+    assert len(expected) == 4
     assert tool.judge(tmp_path, expected) == 0

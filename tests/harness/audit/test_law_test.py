@@ -257,3 +257,54 @@ def test_what_is_missing_is_named(paths: Path, tmp_path: Path) -> None:
     assert ninedisk("write", tmp_path / "file").exit_code == 2
     assert ninedisk("write", tmp_path / "new").exit_code == 0
     assert len(list((tmp_path / "new").iterdir())) == len(MOTIONS) + 2
+
+
+def test_motions_without_forces_are_an_error_unless_others_are_named(paths: Path, elastic: str, tmp_path: Path) -> None:
+    """Exit code 0 says that what was asked was judged."""
+    copy_of(paths, tmp_path)
+    (tmp_path / "shear-elastic.forces.csv").write_text(elastic)
+    done = ninedisk("judge", tmp_path)
+    assert done.exit_code == 2, done.output
+    assert "no forces for shear-plastic" in done.output
+    assert "--only" in done.output
+    done = ninedisk("judge", tmp_path, "--only", "shear-elastic")
+    assert done.exit_code == 0, done.output
+    done = ninedisk("judge", tmp_path, "--only", "shear-elastic", "--only", "spin")
+    assert done.exit_code == 2
+    assert "no forces for spin:" in done.output
+    done = ninedisk("judge", tmp_path, "--only", "shear")
+    assert done.exit_code == 2
+    assert "there is no motion 'shear'" in done.output
+    (tmp_path / "shear-elastic.forces.csv").write_text(
+        integrated(paths / "shear-elastic.csv", "shear-elastic", stiffer=1.02)
+    )
+    assert ninedisk("judge", tmp_path).exit_code == 1
+
+
+def test_the_page_shows_returned_forces_and_the_closed_form_worst_first(
+    paths: Path, elastic: str, tmp_path: Path
+) -> None:
+    copy_of(paths, tmp_path)
+    (tmp_path / "shear-elastic.forces.csv").write_text(elastic)
+    (tmp_path / "spin.forces.csv").write_text(integrated(paths / "spin.csv", "spin", stiffer=1.02))
+    words = ["--only", "shear-elastic", "--only", "spin", "--out", tmp_path / "page"]
+    done = ninedisk("judge", tmp_path, *words)
+    assert done.exit_code == 1, done.output
+    page = (tmp_path / "page" / "index.html").read_text()
+    assert page.index('id="spin"') < page.index('id="shear-elastic"')
+    assert "✗ spin: violated" in page
+    assert "✓ shear-elastic: holds" in page
+    record = json.loads((tmp_path / "page" / "law-test.json").read_text())
+    worst, other = record["motions"]
+    assert worst["id"] == "spin"
+    assert worst["ratio"] > 1.0 > other["ratio"]
+    returned, expected = np.array(worst["curves"]["fz"])
+    assert np.abs(returned).max() > 1.015 * np.abs(expected).max() > 0.0
+    returned, expected = np.array(other["curves"]["fz"])
+    np.testing.assert_allclose(returned, expected, atol=2e-3 * np.abs(expected).max())
+    for words in ("fz returned", "fz closed form", "fx closed form"):
+        assert words in page
+    assert "fy returned" not in page  # it is zero
+    done = ninedisk("judge", tmp_path, "--out", "/proc/x")
+    assert done.exit_code == 2
+    assert "'/proc/x' cannot be written" in done.output

@@ -15,14 +15,15 @@ from ninedisk.harness.api.case import Case, ParameterError
 from ninedisk.harness.api.engine import Engine
 from ninedisk.harness.api.params import resolve
 from ninedisk.harness.api.registry import get_case, get_engine
+from ninedisk.harness.cases.box.corner import VELOCITIES, _impact
 from ninedisk.harness.cases.box.incline import start_of
 from ninedisk.harness.run.judge import headline_row
 
-MUJOCO = get_engine("mujoco")
+MUJOCO, CD = get_engine("mujoco"), get_engine("cd")
 needs_mujoco = pytest.mark.skipif(not MUJOCO.info().installed, reason="MuJoCo is not installed")
 
-CASES = ("box/incline", "box/stop", "box/free")
-LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4}
+CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop", "box/rocking")
+LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6, "box/rocking": 5}
 
 
 @pytest.mark.parametrize("case_id", CASES)
@@ -65,6 +66,10 @@ def same(it: Any) -> Any:
 
 
 SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
+SLIPS = {"approach": "turns"}
+EXACT = ("box/corner-drop", "box/rocking")
+"""Cases of impacts, which a soft contact does not do in one step."""
+
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
     "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
@@ -84,6 +89,38 @@ DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..
     ),
     "friction of another size": ("box/stop", STOPS, friction(1.02), same),
     "a path that bends": ("box/stop", STOPS, same, reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]])),
+    "a restitution that is added": (
+        "box/corner-drop",
+        SLIPS,
+        lambda scene: scene.with_laws(lambda law: replace(law, restitution=0.1)),
+        same,
+    ),
+    "friction of an impact that is slightly less": ("box/corner-drop", SLIPS, friction(0.999), same),
+    "friction against the slip at the begin": (
+        "box/corner-drop",
+        SLIPS,
+        same,
+        reported(v=lambda v: np.concatenate([v[:1], v[1:] + np.array([0.001, 0.0, 0.0])])),
+    ),
+    "moments of inertia that are swapped": ("box/corner-drop", SLIPS, spheres(inertia=lambda i: i[:, [1, 0, 2]]), same),
+    "a box that is a tenth wider": (
+        "box/rocking",
+        {},
+        spheres(half_sizes=lambda half: half * [1.1, 1.0, 1.0], x=same, radius=lambda _: None, inertia=lambda _: None),
+        same,
+    ),
+    "an impact that keeps slightly more": (
+        "box/rocking",
+        {},
+        same,
+        reported(omega=lambda w: np.concatenate([w[:1], w[1:2] + 1e-6, w[2:]])),
+    ),
+    "a spin that is a sixth faster": (
+        "box/rocking",
+        {},
+        same,
+        reported(omega=lambda w: 7.0 / 6.0 * w),
+    ),
     "orientation that stays": ("box/free", TURNS, same, reported(quaternion=lambda q: np.broadcast_to(q[0], q.shape))),
     "spins of the body's axes": ("box/free", TURNS, same, reported(omega=lambda w: w[..., [1, 2, 0]])),
     "moments of inertia in another order": ("box/free", TURNS, spheres(inertia=lambda i: i[:, [1, 2, 0]]), same),
@@ -106,7 +143,8 @@ def judged(
 def test_a_planted_defect_is_found(judge_history: Any, defect: str) -> None:
     case_id, params, *changes = DEFECTS[defect]
     case = get_case(case_id)
-    assert judged(judge_history, case, MUJOCO, params, changes).failures
+    engine = CD if case_id in EXACT else MUJOCO
+    assert judged(judge_history, case, engine, params, changes).failures
 
 
 @needs_mujoco
@@ -146,6 +184,45 @@ def test_what_has_no_closed_form_is_refused(params: Mapping[str, Any]) -> None:
     case = get_case("box/incline")
     with pytest.raises(ParameterError):
         case.build(resolve(case, params).params)
+
+
+@pytest.mark.parametrize(
+    ("case_id", "params"), [(case_id, params) for case_id in EXACT for params in get_case(case_id).matrix()]
+)
+def test_impacts_are_those_of_the_closed_form(judge_history: Any, case_id: str, params: Mapping[str, Any]) -> None:
+    assert judged(judge_history, get_case(case_id), CD, params).failures == []
+
+
+@pytest.mark.parametrize(
+    ("params", "said"),
+    [
+        ({"mu": 0.3}, r"mu = 0\.3 is not allowed: the edge would slip"),
+        ({"duration": 1.0}, r"duration = 1 s is not allowed: the box lands at 0\.56"),
+    ],
+)
+def test_rocking_that_slips_or_lands_is_refused(params: Mapping[str, Any], said: str) -> None:
+    case = get_case("box/rocking")
+    with pytest.raises(ParameterError, match=said):
+        case.build(resolve(case, params).params)
+
+
+def test_corners_stick_and_slip_and_turn_around() -> None:
+    case = get_case("box/corner-drop")
+    resolved = [resolve(case, params).params for params in case.matrix()]
+    impacts = [_impact(params, case.build(params)) for params in resolved]
+    assert [each.mode for each in impacts].count("sticks") == 1
+    turned = [
+        np.array(VELOCITIES[p["approach"]])[:2] @ i.slip[:2] < 0.0 for p, i in zip(resolved, impacts, strict=True)
+    ]
+    assert any(turned)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("approach", VELOCITIES)
+def test_a_corner_has_one_answer_in_the_whole_range(approach: str, mu: float) -> None:
+    case = get_case("box/corner-drop")
+    for restitution in (0.0, 0.5, 1.0):
+        case.build(resolve(case, {"mu": mu, "approach": approach, "restitution": restitution}).params)
 
 
 def test_the_matrix_has_both_sides_of_each_threshold() -> None:

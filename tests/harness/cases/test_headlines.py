@@ -120,6 +120,10 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("box/incline", {"mu": 0.8, "aspect": 0.35}, "distance of a box down the incline", math.nan),
     ("box/stop", {}, "stopping distance of a box", 0.375),
     ("box/free", {}, "energy of a free rotation", 1.0),
+    ("box/rocking", {}, "spin that rocking keeps", 1.0 - 1.5 * 0.2),
+    ("box/rocking", {"rise": 0.8}, "largest turn of a rocking box", 0.8 * math.atan(0.5)),
+    # Without friction by hand: (1 + e) v m/(1 + m (r x n) I^-1 (r x n)).
+    ("box/corner-drop", {"mu": 0.0, "restitution": 0.5}, "normal impulse on a corner", 2.1303461653812623),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
 )
 

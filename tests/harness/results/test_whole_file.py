@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import tty
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from typer.testing import CliRunner
 from ninedisk.core.archive import whole_file
 from ninedisk.core.errors import UnwritableFileError
 from ninedisk.harness.api.errors import StoreError, UsageError
+from ninedisk.harness.audit.example import write_example
+from ninedisk.harness.audit.law_test import write_law_test
 from ninedisk.harness.cli.app import app
 from ninedisk.harness.results.export import write_export
 from ninedisk.harness.results.whole_file import check_writable, write_whole
@@ -149,6 +152,36 @@ def test_standard_output_in_a_file_is_continued(tmp_path: Path) -> None:
     with (tmp_path / "out").open("w") as out:
         subprocess.run([sys.executable, "-c", script, str(tmp_path / "stdout")], stdout=out, check=True)
     assert (tmp_path / "out").read_text() == "before\nnew\nafter\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "audit --example",
+        "law-test write",
+        "docs --out",
+        "cd-problems make --out",
+        "bench cd --out",
+        "schema --all --out",
+        "new-engine acme --out",
+    ],
+)
+@pytest.mark.parametrize("place", ["/proc/x", "/proc/x/y", "/dev/null/x"])
+def test_a_folder_where_none_can_be_made_is_named(words: str, place: str) -> None:
+    """Rights alone do not show it: /proc grants root all of them and holds no new folder."""
+    if not os.path.exists("/proc/self"):
+        pytest.skip("no /proc here")
+    done = CliRunner().invoke(app, [*words.split(), place])
+    assert done.exit_code == 2, done.output
+    assert repr(place) in done.output
+    assert "give a" in done.output
+    assert "internal error" not in done.output
+
+
+@pytest.mark.parametrize("make", [write_example, write_law_test])
+def test_a_folder_that_cannot_be_made_is_named_in_python(make: Callable[[Path], list[Path]]) -> None:
+    with pytest.raises(UnwritableFileError, match="/dev/null/x"):
+        make(Path("/dev/null/x"))
 
 
 @pytest.mark.usefixtures("fakes")
