@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 
 BOX = """units si
-atom_style sphere
+atom_style {style}
 dimension {dimension}
 boundary {boundary}
 newton off
@@ -66,7 +66,8 @@ def lammps_input(dimension: int, dump: str, **change: str) -> str:
     """Input of LAMMPS: spheres that fall into a box with open top, or a layer of them in the plane."""
     space = dimension == 3
     fields = {
-        "dimension": str(dimension), "mu": "0.3", "g": "9.81", "update": "", "more": "" if space else "fix plane all enforce2d",
+        "style": "sphere", "dimension": str(dimension), "mu": "0.3", "g": "9.81", "update": "",
+        "more": "" if space else "fix plane all enforce2d",
         "boundary": "f f f" if space else "f f p",
         "box": "block -0.1 1.1 -0.1 1.1 -0.1 3" if space else "block -0.1 1.1 -0.1 3 -0.5 0.5",
         "fill": "0.08 0.6 0.08 0.6 0.06 0.6" if space else "0.08 0.92 0.06 1.0 -0.5 0.5",
@@ -156,6 +157,9 @@ DUMP = f"dump 1 all custom 40 {{file}} {COLUMNS}"
 TORQUES = DUMP.replace("custom 40", "custom 10") + " tqx tqy tqz"
 YAML = DUMP.replace("custom", "yaml").replace("{file}", "run.yaml")
 EXTXYZ = "dump 1 all extxyz 40 run.extxyz\ndump_modify 1 vel yes mass yes element C"
+BARE = DUMP.replace(" radius mass", "") + PRINTED + "\nwrite_data run.data"
+DATA = '[data]\nfile = "run.data"\n'
+HYBRID = {"style": "hybrid bond sphere", "more": "mass 1 1"}
 TRICLINIC = {"boundary": "p p f", "box": "prism 0 1 0 1 -0.1 3 0.2 0 0", "walls": WALLS[3][0]}
 LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d": (3, DUMP + PRINTED, {}, toml(3, SPACE), []),
@@ -185,6 +189,9 @@ LAMMPS: dict[str, tuple[int, str, dict[str, str], str, list[str]]] = {
     "lammps-3d-radius-of-diameter": (3, DUMP + PRINTED, {}, toml(3, SPACE), ["overlap"]),
     "lammps-3d-torques": (3, TORQUES + PRINTED, {}, toml(3, SPACE), []),
     "lammps-3d-torques-frozen-spins": (3, TORQUES + PRINTED, {"more": "fix stop all freeze-spin"}, toml(3, SPACE), ["torque"]),
+    "lammps-3d-data-file": (3, BARE, {}, toml(3, SPACE) + DATA, []),
+    "lammps-3d-data-file-hybrid": (3, BARE, HYBRID, toml(3, SPACE) + DATA + 'style = "hybrid bond sphere"\n', []),
+    "lammps-3d-data-file-gravity": (3, BARE, HYBRID | {"g": "9.80"}, toml(3, SPACE) + DATA + 'style = "hybrid bond sphere"\n', ["free"]),
     "lammps-3d-yaml": (3, YAML + PRINTED + " time yes units yes", {}, toml(3, SPACE), []),
     "lammps-3d-yaml-triclinic-scaled": (3, YAML.replace("x y z", "xs ys zs") + PRINTED, TRICLINIC, toml(3, "floor"), []),
     "lammps-3d-yaml-gravity": (3, YAML + PRINTED, {"g": "9.80"}, toml(3, SPACE), ["free"]),

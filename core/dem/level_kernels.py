@@ -92,7 +92,7 @@ def set_bases(levels: Levels) -> int:
 
 
 @inline_kernel
-def halve_to_room(levels: Levels, k: int) -> None:
+def halve_to_fit(levels: Levels, k: int) -> None:
     """Halve the most numerous cells of level k of a periodic cell until they fit."""
     count = levels.counts[k]
     while count[0] * count[1] * count[2] > levels.room[k]:

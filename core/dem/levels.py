@@ -1,4 +1,4 @@
-"""Levels of sizes: bodies of about one size have a grid of cells of their own, so that cells are as wide as what is in them.
+"""Levels of sizes: bodies of about one size have a grid to themselves, so that cells are as wide as what is in them.
 
 A grid as wide as the largest body holds thousands of small ones in a cell. With levels every body looks for partners in its own level
 and in those of larger ones, so that each pair is found once, from its smaller body.

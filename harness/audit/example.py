@@ -19,6 +19,7 @@ gravity = [0.0, -9.81]             # [m/s^2]
 # reverse = "back.csv"             # a run from the end with all velocities reversed
 # open = true                      # disks may leave
 # single = true                    # the engine computes in single precision, whatever the file shows
+# periodic = ["x"]                 # axes along which a domain repeats of which the file does not say so: MercuryDPM's
 
 [time]
 dt = 1e-5                          # the engine's own step [s]; t = step x dt where the file has steps only
@@ -29,6 +30,10 @@ radius = [0.1, 0.1, 0.15, 0.12]    # [m]; a column radius of the file does as we
 density = 1000.0                   # [kg/m^2], in space [kg/m^3]; or mass = ... [kg]
 inertia = "disk"                   # or "sphere", also of spheres in a plane, or I/(m R^2)
 # fixed = [7, 8]                   # ids of disks that do not move freely
+
+# [data]                           # radii and masses out of a data file of LAMMPS
+# file = "run.data"
+# style = "hybrid sphere bond"     # where the file says hybrid alone
 
 [contact]                          # what is not given is not judged
 mu = 0.3

@@ -13,10 +13,13 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.readers.columns import Frame, Trajectory
+from ninedisk.harness.audit.readers.mercury import MERCURY_CONTACTS
 from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.scene import AuditScene
 from ninedisk.harness.audit.tally import State, Tally
 
+ALIGNED = 0.999
+"""Least cosine between a wall's normal and that of its contacts, which are printed with six digits or more."""
 NEEDED = (
     "a contact needs fn and fs, or fn and the vector fsx, fsy, fsz, or the force fx, fy, fz with fn or with the normal nx, ny, nz, or "
     "fnx, fny, fnz with fsx, fsy, fsz"
@@ -69,6 +72,26 @@ def force_parts(
     raise UsageError(f"{file.path}, {frame.place}: {NEEDED}; name columns in the TOML by [contacts.columns]")
 
 
+def _check_walls(scene: AuditScene, file: Trajectory, frame: Frame) -> None:
+    """Refuse walls in another order than MercuryDPM numbers them, seen by the normals of its contacts."""
+    columns = frame.columns
+    j = np.nan_to_num(columns["j"])
+    normal = np.column_stack([columns[f"n{axis}"] for axis in "xyz"[: scene.dimension]])
+    for k in np.flatnonzero(j < 0.0).tolist() if scene.walls_known else ():
+        w = int(-1 - j[k])
+        where = f"{file.path}, {frame.place}: body {columns['i'][k]:.0f} touches wall {j[k]:.0f}"
+        if w >= len(scene.walls):
+            raise UsageError(
+                f'{where}, and the TOML has {len(scene.walls)} walls: write all of MercuryDPM\'s, in their order, or walls = "unknown"'
+            )
+        wall = scene.walls[w]
+        if not wall.motion and float(normal[k] @ wall.normal) < ALIGNED:
+            raise UsageError(
+                f"{where} along {normal[k].round(3).tolist()}, and the TOML's wall {w + 1}, {wall.name!r}, has the normal "
+                f"{np.round(wall.normal, 3).tolist()}: write the walls in MercuryDPM's order"
+            )
+
+
 def judge_contacts(scene: AuditScene, progress: Callable[[int, int, str], None]) -> Tally:
     """Every contact force given: it pushes, and its shear part is at most mu times that."""
     tally = Tally("cone")
@@ -83,6 +106,8 @@ def judge_contacts(scene: AuditScene, progress: Callable[[int, int, str], None])
     n_walls = len(scene.walls)
     for frame in file.frames(progress):
         columns = frame.columns
+        if file.form == MERCURY_CONTACTS:
+            _check_walls(scene, file, frame)
         fn, fs, rules = force_parts(scene, file, frame)
         j = columns.get("j", np.zeros(len(fn)))
         mu = np.full(len(fn), np.nan if scene.mu is None else scene.mu)

@@ -116,8 +116,8 @@ def _side_by_side(
 
 def _slips(
     scene: AuditScene, bodies: Bodies, state: State, keys: NDArray[np.int64]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Slip and speed along the normal of contacts, and their overlap or less."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Slip and speed along the normal of contacts, their gap (walls 0), and by how much other arms change the slip."""
     i, j = keys[:, 0], keys[:, 1]
     walled = j < 0
     other = np.where(walled, 0, j)
@@ -134,7 +134,14 @@ def _slips(
     relative = own - np.where(walled[:, None], 0.0, theirs)
     along = (relative * n).sum(axis=1)
     reach = np.where(walled, 0.0, norm(state.x[other] - state.x[i]) - R[i] - R[other])
-    return relative - along[:, None] * n, np.abs(along), reach
+    overlap = np.maximum(-reach, 0.0)
+    if walled.any():
+        points = np.array([wall.point for wall in scene.walls], dtype=float)[np.where(walled, -1 - j, 0)]
+        overlap = np.where(walled, np.maximum(R[i] + ((state.x[i] - points) * n).sum(axis=1), 0.0), overlap)
+    # The slip of an engine has arms R less half the overlap (at a wall less the overlap), or R.
+    spins = norm(state.omega)
+    arms = overlap * np.where(walled, spins[i], 0.5 * (spins[i] + spins[other]))
+    return relative - along[:, None] * n, np.abs(along), reach, arms
 
 
 def _compare(
@@ -172,6 +179,7 @@ def _compare(
     use = np.flatnonzero(there & ~coarse & ~moving & ~odd)
     span = h + (scene.dt or 0.0)
     path = span * (np.maximum(norm(first[0]), norm(second[0])) + norm(second[0] - first[0]))
+    arms = span * np.maximum(first[3], second[3])
     opened = kn * span * np.maximum(first[1], second[1])
     least = np.maximum(np.minimum(earlier.fn[k], later.fn[m]) - opened, 0.0)
     lost = np.minimum(earlier.fs[k], mu * least) - later.fs[m]
@@ -187,7 +195,9 @@ def _compare(
     def members(row: int) -> NDArray[np.int64]:
         return np.array([each for each in (i[use[row]], j[use[row]]) if each >= 0])
 
-    tally.judge(
-        c, np.maximum(lost, 0.0)[use],
-        {"ks times the slip": (ks * path)[use], "digits of fs": (earlier.es[k] + later.es[m])[use]}, who, members,
-    )  # fmt: skip
+    parts = {
+        "ks times the slip": ks * path,
+        "arms of the slip, R or less the overlap": ks * arms,
+        "digits of fs": earlier.es[k] + later.es[m],
+    }
+    tally.judge(c, np.maximum(lost, 0.0)[use], {why: part[use] for why, part in parts.items()}, who, members)

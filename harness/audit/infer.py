@@ -118,7 +118,7 @@ def _clock(trajectory: Trajectory, frames: list[Frame]) -> tuple[FloatArray | No
     """Times, the engine's step if the file shows it, and what is lacking."""
     if trajectory.clock == "step":
         return None, None, "time.dt = 1e-5: the file has steps and no times; write the engine's step in seconds"
-    if trajectory.clock == "index":
+    if trajectory.clock in ("index", "record"):
         return None, None, "time.interval = 1e-3: the files have no times; write the seconds between two of them"
     t = np.array([frame.t for frame in frames])
     steps = np.array([frame.step for frame in frames], dtype=float)

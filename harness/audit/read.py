@@ -17,6 +17,13 @@ from ninedisk.harness.audit.readers.gsd_file import read_gsd
 from ninedisk.harness.audit.readers.h5md import read_hdf5
 from ninedisk.harness.audit.readers.lammps import read_dump
 from ninedisk.harness.audit.readers.lammps_yaml import read_yaml_dump
+from ninedisk.harness.audit.readers.mercury import (
+    is_mercury_contacts,
+    is_mercury_data,
+    read_mercury_contacts,
+    read_mercury_data,
+    single_file,
+)
 from ninedisk.harness.audit.readers.netcdf import read_netcdf
 from ninedisk.harness.audit.readers.tables import read_arrays, read_parquet, read_text
 from ninedisk.harness.audit.readers.vtk import read_series
@@ -61,7 +68,7 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
     for magic, reader in BINARY.items():
         if _begins_with(path, magic):
             return reader(path, columns, needed)
-    if path.suffix in (".vtk", ".vtp", ".vtu"):
+    if path.suffix in (".vtk", ".vtp", ".vtu", ".pvtp", ".pvtu"):
         raise UsageError(f"{str(path)!r} is a single frame: give the folder of the series, or its .pvd")
     with open_file(path) as stream:
         try:
@@ -69,6 +76,12 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
             second = stream.readline(1 << 16)
         except (OSError, EOFError, zlib.error) as error:
             raise UsageError(f"{path} is no text that can be read ({error}): give {FORMS}") from error
+    if way := single_file(path):
+        raise UsageError(way)
+    if is_mercury_data(head, second):
+        return read_mercury_data(path, columns, needed)
+    if is_mercury_contacts(head, second):
+        return read_mercury_contacts(path, columns, needed)
     if head.startswith("ITEM:"):
         return read_dump(path, columns, needed)
     if head.startswith("---"):
@@ -79,6 +92,10 @@ def read_trajectory(path: Path, columns: Mapping[str, str], needed: Sequence[str
         return read_yaml_dump(path, columns, needed)
     if is_extended_xyz(head, second):
         return read_extended_xyz(path, columns, needed)
+    if head.startswith("LAMMPS data file"):
+        raise UsageError(
+            f'{path} is a data file of LAMMPS, one state: give a dump, and this for radii and masses by [data] file = "{path.name}"'
+        )
     if head.startswith("#format "):
         raise UsageError(f"{str(path)!r} is a single frame of YADE: give the folder of the series")
     if head.strip().isdigit():

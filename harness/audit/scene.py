@@ -23,25 +23,8 @@ COLUMNS = (
 )  # fmt: skip
 """What a trajectory may hold; ``x, y`` and one of ``step, t`` it must. ``omega`` and ``torque`` are about z, also in space."""
 CONTACT_COLUMNS = (
-    "step",
-    "t",
-    "i",
-    "j",
-    "fn",
-    "fs",
-    "fsx",
-    "fsy",
-    "fsz",
-    "fx",
-    "fy",
-    "fz",
-    "fnx",
-    "fny",
-    "fnz",
-    "nx",
-    "ny",
-    "nz",
-)
+    "step", "t", "i", "j", "fn", "fs", "fsx", "fsy", "fsz", "fx", "fy", "fz", "fnx", "fny", "fnz", "nx", "ny", "nz",
+)  # fmt: skip
 """What a file of contacts holds: bodies by the ids of the trajectory, walls by negative numbers; see `ninedisk.harness.audit.forces`."""
 SAME_COLUMNS = {"omegaz": "omega", "tqz": "torque"}
 
@@ -50,19 +33,8 @@ MOST_WALLS = 60
 """Walls of a group are bits of an integer."""
 KEYS: dict[str, tuple[str, ...]] = {
     "": (
-        "dimension",
-        "gravity",
-        "damping",
-        "time",
-        "disks",
-        "spheres",
-        "contact",
-        "walls",
-        "columns",
-        "contacts",
-        "reverse",
-        "open",
-        "single",
+        "dimension", "gravity", "damping", "time", "disks", "spheres", "contact", "walls", "columns", "contacts", "reverse", "periodic",
+        "data", "open", "single",
     ),
     "time": ("dt", "interval"),
     "disks": ("radius", "mass", "density", "inertia", "fixed"),
@@ -70,7 +42,8 @@ KEYS: dict[str, tuple[str, ...]] = {
     "contact": ("mu", "kn", "ks", "restitution", "rigid", "slop", "cohesive", "pull", "rolling", "lever_arm"),
     "walls": ("name", "point", "normal", "mu", "kn", "ks", "motion"),
     "contacts": ("file", "columns"),
-}
+    "data": ("file", "style"),
+}  # fmt: skip
 """Every key by its table."""
 
 INERTIA = {2: 0.5, 3: 0.4}
@@ -122,6 +95,10 @@ class AuditScene:
         Name here -> name in the file.
     contacts, reverse : Path or None
         File of contact forces; trajectory that starts at this one's end with all velocities turned round.
+    periodic : tuple of {"x", "y", "z"}
+        Axes along which the domain of a file repeats that does not say so.
+    data, data_style : Path, str or None
+        LAMMPS data file with radii and masses; its atom style where its own head does not say enough.
     open : bool
         Disks may leave.
     single : bool
@@ -159,6 +136,9 @@ class AuditScene:
     contact_columns: Mapping[str, str] = field(default_factory=dict)
     contacts: Path | None = None
     reverse: Path | None = None
+    periodic: tuple[str, ...] = ()
+    data: Path | None = None
+    data_style: str | None = None
     open: bool = False
     single: bool = False
 
@@ -332,9 +312,10 @@ def _scene_of(reader: _Reader) -> AuditScene:
             "", "spheres", data["spheres"], "the bodies are described by [disks] already; give one of the two"
         )
     named = "spheres" if "spheres" in data else "disks"
-    time, disks, contact, forces = (reader.table(data, "", key) for key in ("time", named, "contact", "contacts"))
-    for where, each in (("time", time), (named, disks), ("contact", contact), ("contacts", forces)):
+    tables = {key: reader.table(data, "", key) for key in ("time", named, "contact", "contacts", "data")}
+    for where, each in tables.items():
         reader.known(each, where)
+    time, disks, contact, forces, written = tables.values()
     dimension = _dimension(reader, data)
     shape = disks.get("inertia", "disk" if (dimension or 2) == 2 else "sphere")
     shapes = {"disk": 0.5, "sphere": 0.4}
@@ -397,6 +378,9 @@ def _scene_of(reader: _Reader) -> AuditScene:
         contact_columns=reader.names(reader.table(forces, "contacts", "columns"), "columns", CONTACT_COLUMNS),
         contacts=_companion_file(reader, forces, "contacts", "file"),
         reverse=_companion_file(reader, data, "", "reverse"),
+        periodic=_periodic(reader, data, dimension or 3),
+        data=_companion_file(reader, written, "data", "file"),
+        data_style=_style(reader, written),
         open=reader.flag(data, "", "open"),
         single=reader.flag(data, "", "single"),
     )
@@ -420,6 +404,23 @@ def _dimension(reader: _Reader, data: Mapping[str, Any]) -> int | None:
                     where, key, value, f"it must be {given} numbers, as the vectors before it or dimension"
                 )
     return int(given) if given is not None else (3 if "spheres" in data else None)
+
+
+def _periodic(reader: _Reader, data: Mapping[str, Any], dimension: int) -> tuple[str, ...]:
+    given = data.get("periodic", [])
+    axes = list("xyz"[:dimension])
+    if not isinstance(given, list) or any(each not in axes for each in given) or len(set(given)) < len(given):
+        raise reader.wrong("", "periodic", given, f"it must be a list of axes, each once, of {', '.join(axes)}")
+    return tuple(given)
+
+
+def _style(reader: _Reader, data: Mapping[str, Any]) -> str | None:
+    style = data.get("style")
+    if style is not None and not isinstance(style, str):
+        raise reader.wrong("data", "style", style, 'it must be the atom_style, e.g. "hybrid sphere bond"')
+    if style is not None and "file" not in data:
+        raise reader.wrong("data", "style", style, 'it is the style of a data file: give [data] file = "..." as well')
+    return style
 
 
 def _companion_file(reader: _Reader, data: Mapping[str, Any], where: str, key: str) -> Path | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.readers.columns import Frame, Trajectory
+from ninedisk.harness.audit.readers.lammps_data import BodyData, read_data_file
 from ninedisk.harness.audit.readers.rounding import Rounding
 from ninedisk.harness.audit.scene import LARGEST, AuditScene, Fact
 from ninedisk.harness.audit.tally import Bodies, State, Tally
@@ -19,6 +20,8 @@ SPACE = {2: ("x", "y"), 3: ("x", "y", "z")}
 NOUN = {2: "disk", 3: "sphere"}
 TURNS = {2: ("{}",), 3: ("{}x", "{}y", "{}")}
 """Columns of a vector, and of what turns."""
+OTHER = 1e-4
+"""Share by which a number of a data file may differ from that of the trajectory, which may be printed with five digits."""
 
 
 class States:
@@ -108,6 +111,8 @@ class States:
         cell = self._cell(frame)
         if cell is not None:
             x = self._going_on(x, velocity, t, cell)
+        if frame.domain is not None:
+            self._check_domain(frame, x, velocity, t)
         state = State(
             step=frame.step, t=t, et=et, place=frame.place, x=x, v=velocity, omega=omega, angle=angle, ex=ex, ev=ev, eo=eo, ea=ea,
             here=present.copy(), cell=cell, torque=torque, eq=eq,
@@ -121,9 +126,18 @@ class States:
     def _cell(self, frame: Frame) -> FloatArray | None:
         """Periodic edges of the dimension; None: there are none."""
         d = self.scene.dimension
-        if frame.cell is None:
+        edges = frame.cell
+        if self.scene.periodic:
+            if frame.domain is None:
+                raise UsageError(
+                    f"{self.trajectory.path} ({self.trajectory.form}) has no domain that may repeat, as MercuryDPM's: take periodic out "
+                    "of the TOML"
+                )
+            repeats = np.array([axis in self.scene.periodic for axis in "xyz"])
+            edges = np.where(repeats[:, None], frame.domain, np.nan)
+        if edges is None:
             return None
-        cell = frame.cell[:d, :d]
+        cell = edges[:d, :d]
         cell = cell[np.isfinite(cell).all(axis=1)]
         if not len(cell):
             return None
@@ -137,6 +151,24 @@ class States:
         if (np.abs(np.linalg.det(cell @ cell.T)) if len(cell) else 1.0) == 0.0:
             raise UsageError(f"{self.trajectory.path}, {frame.place}: the periodic box is empty")
         return cell
+
+    def _check_domain(self, frame: Frame, x: FloatArray, v: FloatArray, t: float) -> None:
+        """Ask whether the domain repeats where a body leaps by its length, but for a tenth."""
+        last = self._last
+        if last is None or frame.domain is None:
+            return
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for k, axis in enumerate(SPACE[self.scene.dimension]):
+                leap = (
+                    np.abs(x[:, k] - last.x[:, k] - 0.5 * (t - last.t) * (last.v[:, k] + v[:, k])) / frame.domain[k, k]
+                )
+                if axis not in self.scene.periodic and (at := np.flatnonzero(np.abs(leap - 1.0) < 0.1)).size:
+                    assert self.bodies is not None
+                    who = f"{NOUN[self.scene.dimension]} {self.bodies.id[at[0]]}"
+                    raise UsageError(
+                        f"{self.trajectory.path}, {frame.place}: {who} leaps along {axis} by the length of the domain, "
+                        f'{frame.domain[k, k]:g}: if the domain repeats, write periodic = ["{axis}"] in the TOML'
+                    )
 
     def _going_on(self, x: FloatArray, v: FloatArray, t: float, cell: FloatArray) -> FloatArray:
         """Places by the image that is nearest to where the last ones would have gone."""
@@ -154,8 +186,13 @@ class States:
         if clock == "t":
             rule = self.trajectory.rounding.get("t", Rounding())
             return frame.t, float(rule.error(np.array([frame.t]))[0]) if np.isfinite(frame.t) else 0.0
-        if clock == "index" and scene.interval is not None:
+        if clock in ("index", "record") and scene.interval is not None:
             return number * scene.interval, 0.0
+        if clock == "record":
+            raise UsageError(
+                f"{self.trajectory.path} numbers its frames and has no times: give [time] interval = SECONDS between frames; 1 if its "
+                "numbers are seconds"
+            )
         if scene.dt is None:
             way = "[time] dt = SECONDS, the engine's step" + (
                 ", or interval = SECONDS between frames" if clock == "index" else ""
@@ -231,8 +268,10 @@ def _bodies(
     unique, first = np.unique(ids, return_index=True)
     noun = NOUN[scene.dimension]
 
-    def fact(name: str, given: Fact | None) -> FloatArray | None:
-        """What the TOML gives, else the file."""
+    def fact(name: str, given: Fact | None, written: FloatArray | None = None) -> FloatArray | None:
+        """What the TOML gives, else its data file, else the file."""
+        if given is None and written is not None:
+            return written
         if given is None:
             return columns[name][first] if name in columns else None
         if isinstance(given, Mapping):
@@ -251,12 +290,16 @@ def _bodies(
             )
         return np.array(array)
 
-    radius = fact("radius", scene.radius)
+    data = None if scene.data is None else _data_of(scene.data, scene.data_style, path, unique)
+    if data is not None:
+        _compare(scene, data, path, {name: columns[name][first] for name in ("radius", "mass") if name in columns})
+    radius = fact("radius", scene.radius, None if data is None else data.radius)
     if radius is None:
         raise UsageError(
-            f"{path} has no column radius: give [disks] radius in the TOML, a number, a list or a table by type"
+            f"{path} has no column radius: give [disks] radius in the TOML, a number, a list or a table by type; or a data file "
+            "of LAMMPS, [data] file"
         )
-    density, mass = fact("density", scene.density), fact("mass", scene.mass)
+    density, mass = fact("density", scene.density), fact("mass", scene.mass, None if data is None else data.mass)
     if density is not None:
         mass = density * (np.pi * radius**2 if scene.dimension == 2 else 4.0 / 3.0 * np.pi * radius**3)
     if mass is None:
@@ -279,6 +322,9 @@ def _bodies(
         read[name].error(values) if name in read else np.zeros(len(unique))
         for name, values in (("radius", radius), ("mass", mass))
     )
+    if data is not None:
+        er = data.radius_error if scene.radius is None else er
+        em = data.mass_error if scene.mass is None else em
     if density is not None:
         em = scene.dimension * mass * er / radius
     return Bodies(
@@ -291,6 +337,32 @@ def _bodies(
         er,
         em,
     )
+
+
+def _data_of(file: Path, style: str | None, path: Path, ids: NDArray[np.int64]) -> BodyData:
+    """Radii and masses of a data file, of these bodies."""
+    data = read_data_file(file, style)
+    at = np.searchsorted(data.id, ids)
+    known = data.id[np.minimum(at, len(data.id) - 1)] == ids if len(data.id) else np.zeros(len(ids), dtype=bool)
+    if not known.all():
+        raise UsageError(
+            f"{file} has no atom {ids[~known][0]}, which the first frame of {path} has: give the data file of that run"
+        )
+    rows = {name: values[at] for name, values in vars(data).items()}
+    return BodyData(**rows)
+
+
+def _compare(scene: AuditScene, data: BodyData, path: Path, columns: Mapping[str, FloatArray]) -> None:
+    """Refuse a data file of another run: its radii or masses are not those of the trajectory."""
+    for name, values in columns.items():
+        written = getattr(data, name)
+        with np.errstate(invalid="ignore"):
+            odd = np.flatnonzero(np.abs(values - written) > OTHER * written)
+        if odd.size:
+            k = int(odd[0])
+            raise UsageError(
+                f"{scene.data}: {name} of atom {data.id[k]} is {written[k]:g}, and {values[k]:g} in {path}: give the file of that run"
+            )
 
 
 def _rows_of(known: NDArray[np.int64], ids: NDArray[np.int64]) -> tuple[NDArray[np.int64], int, int]:

@@ -51,10 +51,10 @@ def audit(
     """Check conservation laws and friction in a trajectory of any program: momentum, angular momentum, energy, overlaps, the friction
     cone, jumps, lost bodies. Each gets a verdict: it holds, it is violated (where, by how much), or it cannot be decided, and why.
 
-    FILE is a LAMMPS or LIGGGHTS dump in text (.gz, .zst as well), YAML or netCDF, a GSD, H5MD or extended XYZ file, a table (.csv,
-    .parquet) with a row for each body and frame, or an .npz of whole arrays (t, x, v, omega). It may also be a .pvd, or a folder of
-    frame-*.npz, *.vtk, *.vtp, *.vtu or of YADE's text exports. Disks in the plane need
-    x and y, spheres in space x, y and z. Optional columns are id, type, vx, vy, vz, omega or omegax, omegay, omegaz, angle, radius or
+    FILE is a LAMMPS or LIGGGHTS dump in text (.gz, .zst as well), YAML or netCDF, a GSD, H5MD, VTKHDF or extended XYZ file, MercuryDPM's
+    .data, a table (.csv, .parquet) with a row for each body and frame, or an .npz of whole arrays (t, x, v, omega). It may also be a
+    .pvd, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu, *.pvtp, *.pvtu or of YADE's text exports. Disks in the plane need x and y,
+    spheres in space x, y and z. Optional columns are id, type, vx, vy, vz, omega or omegax, omegay, omegaz, angle, radius or
     diameter, mass.
 
     The TOML gives what the file lacks: other names of columns, masses, walls and their motion, mu, kn, gravity, the step. Vectors of

@@ -13,6 +13,7 @@ SEARCH, MOTION, IMAGES = "dem.plane.neighbour_kernels", "scene.motion_kernels", 
 
 _kernel, _python = partial(planted, "dem", "kernel"), partial(planted, "dem", "python")
 
+REBUILD = "dem.plane.rebuild_kernels"
 PAIRS, WALLS = "_pair_forces.pair_forces", "disk_wall_forces"
 
 _LIMIT = "min(0.5 * skin, skin - wall_drift(walls, skin))"
@@ -59,7 +60,7 @@ CONTACTS = (
     _kernel("cone-without-dashpot", "the cone has the spring's force, without the dashpot's", "land",
             (FORCES, WALLS, "mu * repulsive", "mu * kn * overlap")),
     _kernel("history-lost", "shear forces between disks are lost when the neighbour lists are rebuilt", "retrace",
-            (SEARCH, "build_pairs", "new.shear[k] = old.shear[o]", "new.shear[k] = 0.0 * old.shear[o]")),
+            (SEARCH, "enter_pair", "new.shear[k] = old.shear[o]", "new.shear[k] = 0.0 * old.shear[o]")),
     _kernel("history-lost-at-walls", "shear forces at walls are lost when the neighbour lists are rebuilt", "slide",
             (SEARCH, "build_wall_pairs", "scratch[listed[i]]", "0.0 * scratch[listed[i]]")),
     _kernel("damping-half", "the dashpot has half its strength", "hit-damped",
@@ -80,7 +81,7 @@ CONTACTS = (
     _kernel("fifth-pair", "every fifth pair is missed by the contact search", "press",
             (SEARCH, "build_pairs", "dx * dx + dy * dy < limit * limit", "(i + j) % 5 != 0 and dx * dx + dy * dy < limit * limit")),
     _kernel("no-skin", "the contact search ignores the skin: contacts are missed until the next rebuild", "hit",
-            (SEARCH, "rebuild", "build_pairs(disks.x, disks.radius, skin, cells, step.sorted, disks.listed, pairs, spare)",
+            (REBUILD, "rebuild", "build_pairs(disks.x, disks.radius, skin, cells, step.sorted, disks.listed, pairs, spare)",
              "build_pairs(disks.x, disks.radius, 0.0, cells, step.sorted, disks.listed, pairs, spare)")),
     _kernel("no-rebuild", "neighbour lists are never rebuilt", "hit",
             (STEP, "farthest_allowed", _LIMIT, "1e100")),

@@ -12,7 +12,7 @@ from ninedisk.core.dem.level_kernels import (
     MARGIN,
     box_number,
     first_cell,
-    halve_to_room,
+    halve_to_fit,
     last_cell,
     level_of,
     merge_stripes,
@@ -181,7 +181,7 @@ def sort_into_image_levels(
         levels.width[k] = 2.0 * levels.widest[k] + skin
         levels.counts[k, 0] = max(1, int(min(height / levels.width[k], 1e6)))
         levels.counts[k, 1] = max(1, int(min(images.now[YY] / levels.width[k], 1e6)))
-        halve_to_room(levels, k)
+        halve_to_fit(levels, k)
     total = set_bases(levels)
     for i in range(x.shape[0]):
         k = level_of(levels, radius[i])

@@ -9,7 +9,7 @@ from ninedisk.core.dem.level_kernels import (
     MARGIN,
     box_number,
     first_cell,
-    halve_to_room,
+    halve_to_fit,
     last_cell,
     level_of,
     merge_stripes,
@@ -198,7 +198,7 @@ def sort_into_image_levels(state: State, images: Images, skin: float, levels: Le
         levels.width[k] = 2.0 * levels.widest[k] + skin
         for c in range(3):
             levels.counts[k, c] = max(1, int(min(apart[c] / levels.width[k], 1e6)))
-        halve_to_room(levels, k)
+        halve_to_fit(levels, k)
     total = set_bases(levels)
     for i in range(state.radius.shape[0]):
         k = level_of(levels, state.radius[i])

@@ -102,7 +102,9 @@ def oblique_edges(lengths: FloatArray, angles: FloatArray) -> FloatArray:
     """Edges (rows) out of lengths and angles [degrees] between b and c, a and c, a and b; the first along x, the second in x-y."""
     alpha, beta, gamma = np.where(angles == 90.0, 0.0, np.cos(np.radians(angles)))
     sine = np.sqrt(1.0 - gamma**2)
-    with np.errstate(divide="ignore", invalid="ignore"):  # angles of a damaged file have no cell: NaN, which is refused by name
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # angles of a damaged file have no cell: NaN, which is refused by name
         across = (alpha - beta * gamma) / sine
     up = np.sqrt(max(1.0 - beta**2 - across**2, 0.0))
     units = np.array([(1.0, 0.0, 0.0), (gamma, sine, 0.0), (beta, across, up)])

@@ -19,27 +19,29 @@ from ninedisk.harness.api.text import one_line
 from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_of
 
 Progress = Callable[[int, int, str], None]
+PLACE = ("Points", "unwrapped_coordinates", "coordinates", "pos", "position")
+VELOCITY = ("velocity", "Velocity", "linVel", "linVelVec", "v", "velocities", "vel", "velo")
+SPIN = ("angVel", "angVelVec", "omega", "angularVelocity", "AngularVelocity", "angular_velocity", "angular velocity")
+"""Names of vectors."""
+
+
+def _parts(names: Sequence[str], k: int) -> tuple[str, ...]:
+    """Names of component ``k``."""
+    return tuple(f"{name}:{k}" for name in names)
+
+
 ALIASES = {
     "t": ("time", "Time"),
     "step": ("timestep", "frame", "iter"),
-    "id": ("particle", "ID"),
-    "x": ("xu", "X", "Points:0", "pos_x", "unwrapped_coordinates:0", "coordinates:0", "pos:0", "position:0"),
-    "y": ("yu", "Y", "Points:1", "pos_y", "unwrapped_coordinates:1", "coordinates:1", "pos:1", "position:1"),
-    "vx": ("velocity:0", "linVel:0", "linVelVec:0", "v:0", "v_x", "vel_x", "velocities:0", "vel:0", "velo:0"),
-    "vy": ("velocity:1", "linVel:1", "linVelVec:1", "v:1", "v_y", "vel_y", "velocities:1", "vel:1", "velo:1"),
-    "vz": ("velocity:2", "linVel:2", "linVelVec:2", "v:2", "v_z", "vel_z", "velocities:2", "vel:2", "velo:2"),
-    "omega": (
-        "omegaz",
-        "wz",
-        "angVel:2",
-        "angVelVec:2",
-        "omega:2",
-        "angularVelocity:2",
-        "angular_velocity",
-        "angular_velocity:2",
-    ),
-    "omegax": ("wx", "angVel:0", "angVelVec:0", "omega:0", "angularVelocity:0", "angular_velocity:0"),
-    "omegay": ("wy", "angVel:1", "angVelVec:1", "omega:1", "angularVelocity:1", "angular_velocity:1"),
+    "id": ("particle", "ID", "Id", "GlobalIds"),
+    "x": ("xu", "X", "pos_x", *_parts(PLACE, 0)),
+    "y": ("yu", "Y", "pos_y", *_parts(PLACE, 1)),
+    "vx": ("v_x", "vel_x", *_parts(VELOCITY, 0)),
+    "vy": ("v_y", "vel_y", *_parts(VELOCITY, 1)),
+    "vz": ("v_z", "vel_z", *_parts(VELOCITY, 2)),
+    "omega": ("omegaz", "wz", "angular_velocity", *_parts(SPIN, 2)),
+    "omegax": ("wx", *_parts(SPIN, 0)),
+    "omegay": ("wy", *_parts(SPIN, 1)),
     "fx": ("force:0", "f:0", "f_x", "forces:0"),
     "fy": ("force:1", "f:1", "f_y", "forces:1"),
     "fz": ("force:2", "f:2", "f_z", "forces:2"),
@@ -49,14 +51,14 @@ ALIASES = {
     "diameter": ("d", "Diameter"),
     "angle": ("theta", "rotation"),
     "radius": ("r", "radii", "Radius"),
-    "mass": ("m", "Mass"),
+    "mass": ("m", "Mass", "particleMass"),
     "type": ("mol",),
-    "z": ("zu", "Z", "Points:2", "pos_z", "unwrapped_coordinates:2", "coordinates:2", "pos:2", "position:2"),
+    "z": ("zu", "Z", "pos_z", *_parts(PLACE, 2)),
 }
 """Other names of a column that are understood by themselves; ``[columns]`` of the TOML names any other."""
 FORMS = (
-    "a LAMMPS dump in text, YAML or netCDF, extended XYZ, GSD, H5MD, a CSV or Parquet table with a row a disk and frame, an .npz of whole "
-    "arrays, a .pvd index, or a folder of frame-*.npz, *.vtk, *.vtp, *.vtu or YADE's text exports"
+    "a LAMMPS dump in text, YAML or netCDF, extended XYZ, .data of MercuryDPM, GSD, H5MD, VTKHDF, a CSV or Parquet table with a row a disk "
+    "and frame, an .npz of whole arrays, a .pvd index, a folder of frame-*.npz, *.vtk, *.vtp, *.vtu, *.pvtp, *.pvtu or YADE's text exports"
 )
 VECTORS = tuple(f"{name}{axis}" for name in ("fs", "fn", "n") for axis in "xyz")
 """Vectors of a contact: shear force, normal force, normal."""
@@ -72,6 +74,7 @@ class Frame:
     """Columns of one instant; ``t`` is NaN where the file has none, ``place`` is where it stands.
 
     ``cell`` has the edges of a box, shape (3, 3), those along which nothing repeats NaN; None: the file has no box.
+    ``domain`` has the edges of a box of which the file does not say whether they repeat.
     """
 
     step: int
@@ -79,6 +82,7 @@ class Frame:
     columns: dict[str, FloatArray]
     place: str
     cell: FloatArray | None = None
+    domain: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -93,8 +97,8 @@ class Trajectory:
         How each column was rounded.
     form : str
         The format in words.
-    clock : {"t", "step", "index"}
-        What gives the time of a frame.
+    clock : {"t", "step", "index", "record"}
+        What gives the time of a frame: of an index the interval or the step, of a record the interval alone.
     names : frozenset of str
         Columns that it has, by their names here; empty where only its frames show them.
     remarks : tuple of str
@@ -271,7 +275,14 @@ def _separated(lines: Sequence[str], names: Sequence[str], sep: str) -> FloatArr
 def sample_roundings(
     path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
 ) -> dict[str, Rounding]:
-    """Roundings by tokens of five places of a text; marks ``around`` the numbers of a line are left out."""
+    """Roundings by the tokens of `sample_tokens`."""
+    return roundings_of(sample_tokens(path, names, sep, wanted, around))
+
+
+def sample_tokens(
+    path: Path, names: Sequence[str], sep: str | None, wanted: Mapping[str, str], around: str = ""
+) -> dict[str, Tokens]:
+    """Printed numbers at five places of a text; marks ``around`` the numbers of a line are left out."""
     tokens = {name: Tokens() for name in wanted.values()}
     if path.suffix in (".gz", ".zst"):
         with open_file(path) as stream:
@@ -297,4 +308,4 @@ def sample_roundings(
                     and NUMBER.fullmatch(word)
                 ):
                     seen.add(word.strip())
-    return roundings_of(tokens)
+    return tokens

@@ -24,6 +24,7 @@ from ninedisk.harness.audit.readers.binary import (
 from ninedisk.harness.audit.readers.columns import Frame, Progress, Trajectory, halved, halved_rounding
 from ninedisk.harness.audit.readers.netcdf import read_netcdf
 from ninedisk.harness.audit.readers.rounding import Rounding
+from ninedisk.harness.audit.readers.vtkhdf import read_vtkhdf
 
 
 class _Element:
@@ -80,7 +81,7 @@ class _File:
         h5py = library("h5py", "h5md", path)
         self.data = h5py.File(path, "r")
         if "h5md" not in self.data or "particles" not in self.data:
-            raise UsageError(f"{path} is HDF5 without the groups h5md and particles: of HDF5, H5MD is read")
+            raise UsageError(f"{path} is HDF5 without the groups h5md and particles: of HDF5, H5MD and VTKHDF are read")
         groups = list(self.data["particles"])
         if len(groups) != 1:
             raise UsageError(
@@ -157,11 +158,12 @@ class _File:
 
 
 def read_hdf5(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:
-    """Open H5MD, or netCDF in HDF5, which has a dimension ``frame``."""
+    """Open H5MD, VTKHDF, or netCDF in HDF5, which has a dimension ``frame``."""
     h5py = library("h5py", "h5md", path)
     with readable(path, "HDF5 file"), h5py.File(path, "r") as file:
+        vtk = "h5md" not in file and "VTKHDF" in file
         netcdf = "h5md" not in file and "frame" in file and "coordinates" in file
-    return (read_netcdf if netcdf else read_h5md)(path, columns, needed)
+    return (read_vtkhdf if vtk else read_netcdf if netcdf else read_h5md)(path, columns, needed)
 
 
 def read_h5md(path: Path, columns: Mapping[str, str], needed: Sequence[str]) -> Trajectory:

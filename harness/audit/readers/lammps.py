@@ -22,7 +22,7 @@ from ninedisk.harness.audit.readers.columns import (
     require,
     sample_roundings,
 )
-from ninedisk.harness.audit.readers.lines import BrokenRowsError, Lines
+from ninedisk.harness.audit.readers.lines import BrokenRowsError, Lines, broken_rows
 from ninedisk.harness.audit.readers.rounding import Rounding
 
 MIXED_UNITS = {
@@ -247,7 +247,7 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
                 try:
                     values = lines.rows(count, names, wanted)
                 except BrokenRowsError as error:
-                    raise _broken(path, error, f"frame {number + 1} (step {step})", begin, count) from error
+                    raise broken_rows(path, error, f"frame {number + 1} (step {step})", begin, count) from error
                 progress(lines.done >> 10, size >> 10, f"kB read, step {step}")
                 number += 1
                 found = {here: values[name] for name, here in dump.found.items()}
@@ -271,19 +271,6 @@ def _frames(dump: DumpColumns, progress: Progress, boxes: bool) -> Iterator[Fram
         raise UsageError(
             f"{path}, line {lines.number}: the file ends within the head of frame {number + 1}: cut off; cut the file before that frame"
         )
-
-
-def _broken(path: Path, error: BrokenRowsError, frame: str, begin: int, count: int) -> UsageError:
-    """In words: rows of a frame that are not all there."""
-    line = begin + error.read
-    if error.unended:
-        return UsageError(
-            f"{path}, line {line - 1}: the last line of {frame} has no end: cut off; cut the file before line {begin - 1}, or end the "
-            "line if it is whole"
-        )
-    return UsageError(
-        f"{path}, line {line}: {frame} ends after {error.read} of {count} lines: cut off; cut the file before line {begin - 1}"
-    )
 
 
 def lengths_of_shares(dump: DumpColumns, values: Mapping[str, FloatArray], box: Box) -> dict[str, FloatArray]:

@@ -29,6 +29,19 @@ class BrokenRowsError(Exception):
         self.read, self.unended = read, unended
 
 
+def broken_rows(path: Path, error: BrokenRowsError, frame: str, begin: int, count: int) -> UsageError:
+    """In words: rows of a frame that are not all there."""
+    line = begin + error.read
+    if error.unended:
+        return UsageError(
+            f"{path}, line {line - 1}: the last line of {frame} has no end: cut off; cut the file before line {begin - 1}, or end the "
+            "line if it is whole"
+        )
+    return UsageError(
+        f"{path}, line {line}: {frame} ends after {error.read} of {count} lines: cut off; cut the file before line {begin - 1}"
+    )
+
+
 class Lines:
     """Lines of a file as `open` gives them in text mode.
 

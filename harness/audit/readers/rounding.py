@@ -93,12 +93,13 @@ class Tokens:
             low, high = min(by_decade), max(by_decade)
             if high > low and by_decade[low] == by_decade[high] > 0:
                 return Rounding(decimals=by_decade[low])
-        own = max((_significant(token) for token in values), default=0)
+        own = max((significant_digits(token) for token in values), default=0)
         return Rounding(significant=max(own, 1) if len(values) >= VARIED else max(own, most, 1))
 
 
 @lru_cache(1 << 17)
-def _significant(token: str) -> int:
+def significant_digits(token: str) -> int:
+    """Digits of a printed number, zeros at the end of a whole one left out."""
     mantissa, mark, _ = token.lower().partition("e")
     digits = mantissa.lstrip("+-").replace(".", "").lstrip("0")
     return len(digits) if mark or "." in token else len(digits.rstrip("0"))
@@ -110,7 +111,7 @@ def _decimals(token: str) -> int:
 
 def roundings_of(tokens: Mapping[str, Tokens]) -> dict[str, Rounding]:
     """Rule of each column; the most digits of any where one shows too few."""
-    most = max((_significant(token) for each in tokens.values() for token in each.seen), default=1)
+    most = max((significant_digits(token) for each in tokens.values() for token in each.seen), default=1)
     return {name: each.rounding(most) for name, each in tokens.items()}
 
 

@@ -1,19 +1,18 @@
-"""Series of files with a frame each: NumPy frames, and VTK, legacy and XML."""
+"""Series of files with a frame each: NumPy frames, legacy VTK in text, XML of VTK."""
 
 from __future__ import annotations
 
-import base64
 import re
-import struct
 import xml.etree.ElementTree as ElementTree
-import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.readers.columns import (
     FORMS,
@@ -27,67 +26,114 @@ from ninedisk.harness.audit.readers.columns import (
 )
 from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_of
 from ninedisk.harness.audit.readers.tables import archive, vector_columns, vector_roundings
+from ninedisk.harness.audit.readers.vtk_xml import INDICES, VtkFrame, read_vtk_xml, split_parts
+
+NO_IDS = (
+    "bodies go from one process to another, and the order of pieces does not show who is who: write ids, or name their array, "
+    '[columns] id = "NAME"'
+)
+WHOLE_TIMES = (
+    "the times of {} are whole numbers and taken as numbers of steps: MercuryDPM's converter writes such; if they are seconds, give "
+    "time.interval"
+)
+"""Remark on times that may number frames."""
+
+
+def whole_numbers(times: FloatArray) -> bool:
+    """Whether times are whole numbers only, of which nobody knows whether they are seconds."""
+    return len(times) > 1 and bool(
+        np.isfinite(times).all() and (np.abs(times) < 1e15).all() and (times == np.round(times)).all()
+    )
+
+
+def number_clock(times: FloatArray) -> str:
+    """What gives the time of frames with whole numbers: the interval of even ones, which it must be of 0, 1, 2 and so on, else the step."""
+    even = np.ptp(np.diff(times)) == 0.0
+    return "step" if not even else "record" if times[1] - times[0] == 1.0 else "index"
 
 
 def read_series(path: Path, columns: Mapping[str, str]) -> Trajectory:
-    """A folder of files with a frame each."""
+    """A folder of files with a frame each, or the index of one.
+
+    Raises
+    ------
+    UsageError
+        Naming the file and the way out; while frames are read, too.
+    """
     files, times = _series_files(path)
-    kind = files[0].suffix
+    return _numpy_series(path, files) if files[0].suffix == ".npz" else _vtk_series(path, files, times, columns)
 
+
+def _numpy_series(path: Path, files: list[Path]) -> Trajectory:
     def raw(file: Path) -> dict[str, NDArray[Any]]:
-        if kind == ".npz":
-            data = archive(file)
-            if "x" not in data or data["x"].ndim != 2 or data["x"].shape[1] not in (2, 3):
-                raise UsageError(
-                    f"{file}: expected an array x of shape (n, 2) or (n, 3), found {', '.join(data) or 'none'}"
-                )
-            return data
-        return _legacy(file)[0] if kind == ".vtk" else _xml(file)[0]
-
-    chosen = sorted({round(k * (len(files) - 1) / 4) for k in range(5)})
-    tokens: dict[str, Tokens] = {}
-    if kind == ".npz":
-        rounding = vector_roundings(raw(files[0]))
-    else:
-        names = list(raw(files[0]))
-        found = column_names(names, columns, files[0])
-        require(found, names, files[0])
-        rounding = {}
-        for k in chosen:
-            values, printed = (_legacy if kind == ".vtk" else _xml)(files[k])
-            for name, here in found.items():
-                if name not in values:
-                    raise UsageError(f"{files[k]}: there is no array {name!r}, which the first frame has")
-                tokens.setdefault(here, Tokens()).seen.update(printed.get(name, ())[:1000])
-                rounding[here] = Rounding(bits=24 if values[name].dtype == np.float32 else 53)
-        for here, rule in roundings_of({name: each for name, each in tokens.items() if each.seen}).items():
-            # A single-precision array printed in full is single precision still.
-            full = rule.significant is not None and rule.significant >= 9 and rounding[here].bits == 24
-            rounding[here] = rounding[here] if full else rule
+        data = archive(file)
+        if "x" not in data or data["x"].ndim != 2 or data["x"].shape[1] not in (2, 3):
+            raise UsageError(
+                f"{file}: expected an array x of shape (n, 2) or (n, 3), found {', '.join(data) or 'none'}"
+            )
+        return data
 
     def frames(progress: Progress) -> Iterator[Frame]:
         for k, file in enumerate(files):
             progress(k, len(files), file.name)
             data = raw(file)
-            if kind == ".npz":
-                part, t = vector_columns(data), float(data["t"]) if "t" in data else np.nan
-            else:
-                if missing := [name for name in found if name not in data]:
-                    raise UsageError(f"{file}: there is no array {missing[0]!r}, which the first frame has")
-                part, t = halved({here: data[name].astype(float) for name, here in found.items()}), times[k]
-            lengths = {len(column) for column in part.values()}
-            if len(lengths) > 1:
-                raise UsageError(
-                    f"{file}: its arrays have different lengths: {', '.join(f'{n} {len(c)}' for n, c in part.items())}"
-                )
-            number = re.findall(r"\d+", file.stem)
-            yield Frame(int(number[-1]) if number else k, t, part, file.name)
+            yield _frame(file, k, float(data["t"]) if "t" in data else np.nan, vector_columns(data))
 
-    timed = kind == ".npz" and "t" in raw(files[0])
-    form = {".npz": "NumPy frames", ".vtk": "legacy VTK series"}.get(kind, "XML VTK series")
-    return Trajectory(
-        path, form, frames, halved_rounding(rounding), "t" if timed or np.isfinite(times).all() else "index"
-    )
+    first = raw(files[0])
+    clock = "t" if "t" in first else "index"
+    return Trajectory(path, "NumPy frames", frames, halved_rounding(vector_roundings(first)), clock)
+
+
+def _vtk_series(path: Path, files: list[Path], times: list[float], columns: Mapping[str, str]) -> Trajectory:
+    def raw(file: Path) -> VtkFrame:
+        return _legacy(file) if file.suffix == ".vtk" else read_vtk_xml(file)
+
+    names = list(raw(files[0]).data)
+    found = column_names(names, columns, files[0])
+    require(found, names, files[0])
+    tokens: dict[str, Tokens] = {}
+    rounding: dict[str, Rounding] = {}
+    for k in sorted({round(k * (len(files) - 1) / 4) for k in range(5)}):
+        frame = raw(files[k])
+        for name, here in found.items():
+            if name not in frame.data:
+                raise UsageError(f"{files[k]}: there is no array {name!r}, which the first frame has")
+            tokens.setdefault(here, Tokens()).seen.update(frame.printed.get(name, ())[:1000])
+            rounding[here] = Rounding(bits=24 if frame.data[name].dtype == np.float32 else 53)
+    for here, rule in roundings_of({name: each for name, each in tokens.items() if each.seen}).items():
+        # A single-precision array printed in full is single precision still.
+        full = rule.significant is not None and rule.significant >= 9 and rounding[here].bits == 24
+        rounding[here] = rounding[here] if full else rule
+    numbered = whole_numbers(np.array(times))
+
+    def frames(progress: Progress) -> Iterator[Frame]:
+        for k, file in enumerate(files):
+            progress(k, len(files), file.name)
+            frame = raw(file)
+            if missing := [name for name in found if name not in frame.data]:
+                raise UsageError(f"{file}: there is no array {missing[0]!r}, which the first frame has")
+            if frame.pieces > 1 and "id" not in found.values():
+                raise UsageError(f"{file}: {frame.pieces} pieces and no ids: {NO_IDS}")
+            part = halved({here: frame.data[name].astype(float) for name, here in found.items()})
+            made = _frame(file, k, times[k], part)
+            yield replace(made, step=int(times[k]), t=np.nan) if numbered else made
+
+    form = "legacy VTK series" if files[0].suffix == ".vtk" else "XML VTK series"
+    remarks = [WHOLE_TIMES.format(path.name)] if numbered else []
+    if "id" not in found.values():
+        remarks.append("there are no ids: point k of each file is taken as the same body")
+    clock = number_clock(np.array(times)) if numbered else "t" if np.isfinite(times).all() else "index"
+    return Trajectory(path, form, frames, halved_rounding(rounding), clock, frozenset(), tuple(remarks))
+
+
+def _frame(file: Path, k: int, t: float, part: dict[str, FloatArray]) -> Frame:
+    lengths = {len(column) for column in part.values()}
+    if len(lengths) > 1:
+        raise UsageError(
+            f"{file}: its arrays have different lengths: {', '.join(f'{n} {len(c)}' for n, c in part.items())}"
+        )
+    number = re.findall(r"\d+", file.stem)
+    return Frame(int(number[-1]) if number else k, t, part, file.name)
 
 
 def _series_files(path: Path) -> tuple[list[Path], list[float]]:
@@ -103,19 +149,32 @@ def _series_files(path: Path) -> tuple[list[Path], list[float]]:
             ) from error
         if missing := [file for _, file in listed if not file.is_file()]:
             raise UsageError(f"{index} names {missing[0].name!r}, which is not there")
+        times = [t for t, _ in listed]
+        if twice := [file for k, (t, file) in enumerate(listed) if t in times[:k]]:
+            raise UsageError(
+                f"{index} names {twice[0].name!r} for a timestep that another file has: write the parts of a frame as pieces (.pvtp, .pvtu)"
+            )
+        if odd := {file.suffix for _, file in listed} - {".vtp", ".vtu", ".vtk", *INDICES}:
+            raise UsageError(f"{index} names files {', '.join(sorted(odd))}: expected .vtp, .vtu, .pvtp, .pvtu or .vtk")
         if listed:
-            return [file for _, file in listed], [t for t, _ in listed]
-    kinds = (
-        {kind: sorted(path.glob(f"*{kind}"), key=_numbered) for kind in (".npz", ".vtp", ".vtu", ".vtk")}
-        if path.is_dir()
-        else {}
-    )
-    kinds = {kind: files for kind, files in kinds.items() if files}
+            return [file for _, file in listed], times
+    kinds: dict[str, list[Path]] = {}
+    if path.is_dir():
+        for kind in (*INDICES, ".npz", ".vtp", ".vtu", ".vtk"):
+            files = sorted(path.glob(f"*{kind}"), key=_numbered)
+            if files and not (kind in (".vtp", ".vtu") and any(each in kinds for each in INDICES)):
+                kinds[kind] = files
     if len(kinds) != 1:
         raise UsageError(
             f"{path} holds {'several kinds of frames: ' + ', '.join(kinds) if kinds else 'no frames'}: give {FORMS}"
         )
     files = next(iter(kinds.values()))
+    series = dict.fromkeys(re.sub(r"\d+", "#", file.name) for file in files)
+    if len(series) > 1:
+        raise UsageError(
+            f"{path} holds several series: {', '.join(list(series)[:6])} (# a number; Kratos writes bodies, contacts and walls into one "
+            "folder): copy that of the bodies into a folder, or write a .pvd of its files"
+        )
     return files, [np.nan] * len(files)
 
 
@@ -123,14 +182,8 @@ def _numbered(file: Path) -> tuple[tuple[int, str], ...]:
     return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.stem))
 
 
-def _split(name: str, array: NDArray[Any], parts: int) -> dict[str, NDArray[Any]]:
-    if parts == 1:
-        return {name: array}
-    return {f"{name}:{k}": array[k::parts] for k in range(parts)}
-
-
-def _legacy(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
-    """Points and point data of a legacy file in text, and the first printed numbers of each."""
+def _legacy(path: Path) -> VtkFrame:
+    """A legacy file in text."""
     try:
         words = path.read_text(encoding="ascii").split("\n", 2)[2].split()
     except (OSError, UnicodeDecodeError, IndexError) as error:
@@ -153,7 +206,7 @@ def _legacy(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
             raise UsageError(f"{path}, array {name}: {len(array)} numbers, expected {size}: the file is cut off")
         if kind == "float":
             array = array.astype(np.float32) if np.isfinite(array).all() else array
-        named = {f"Points:{k}": array[k::3] for k in range(3)} if name == "Points" else _split(name, array, parts)
+        named = {f"Points:{k}": array[k::3] for k in range(3)} if name == "Points" else split_parts(name, array, parts)
         data.update(named)
         printed.update({each: block[k :: len(named)][:1000] for k, each in enumerate(named)})
         return begin + size
@@ -195,92 +248,4 @@ def _legacy(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
         raise UsageError(
             f"{path}: the header after {' '.join(words[max(0, at - 2) : at + 3])[:60]!r} is cut off or another"
         ) from error
-    return data, printed
-
-
-VTK_TYPES = {
-    "Float64": "f8", "Float32": "f4", "Int64": "i8", "Int32": "i4", "UInt64": "u8", "UInt32": "u4", "Int16": "i2", "UInt16": "u2",
-    "Int8": "i1", "UInt8": "u1",
-}  # fmt: skip
-
-
-def _xml(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, list[str]]]:
-    """Points and point data of an XML file, text or base 64, packed by zlib or not, inline or appended."""
-    try:
-        text = path.read_bytes()
-        raw = b""
-        if b'<AppendedData encoding="raw"' in text:
-            begin = text.index(b"_", text.index(b"<AppendedData")) + 1
-            raw, text = text[begin:], text[:begin] + b"</AppendedData></VTKFile>"
-        root = ElementTree.fromstring(text)
-    except (OSError, ElementTree.ParseError, ValueError) as error:
-        raise UsageError(f"{path} is no XML file of VTK ({error})") from error
-    pieces = list(root.iter("Piece"))
-    if len(pieces) != 1:
-        raise UsageError(f"{path}: {len(pieces)} pieces, expected 1: write the series from one process")
-    appended = root.find("AppendedData")
-    tail = "" if appended is None or raw else (appended.text or "").strip()[1:]
-    data: dict[str, NDArray[Any]] = {}
-    printed: dict[str, list[str]] = {}
-    try:
-        count = int(pieces[0].attrib["NumberOfPoints"])
-        order = "<" if root.attrib.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
-        width = 8 if root.attrib.get("header_type") == "UInt64" else 4
-        for parent in ("Points", "PointData"):
-            for array in pieces[0].iterfind(f"{parent}/DataArray"):
-                parts = int(array.attrib.get("NumberOfComponents", "1"))
-                name = "Points" if parent == "Points" else array.attrib["Name"]
-                kind = np.dtype(order + VTK_TYPES[array.attrib["type"]])
-                words: list[str] = []
-                if array.attrib.get("format") == "ascii":
-                    words = (array.text or "").split()
-                    values: NDArray[Any] = np.array(words, dtype=float).astype(kind)
-                else:
-                    packed = "compressor" in root.attrib
-                    if packed and root.attrib["compressor"] != "vtkZLibDataCompressor":
-                        raise UsageError(
-                            f"{path}: packed by {root.attrib['compressor']}: write it with zlib, unpacked or as ASCII"
-                        )
-                    offset = int(array.attrib.get("offset", "0"))
-                    there = array.attrib.get("format") == "appended"
-                    source = raw[offset:] if there and raw else (tail[offset:] if there else (array.text or "").strip())
-                    values = np.frombuffer(_decode(source, width, order, packed), dtype=kind)
-                if len(values) != parts * count:
-                    raise UsageError(f"{path}, array {name}: {len(values)} numbers, expected {parts * count}")
-                named = _split(name, values, parts)
-                data.update(named)
-                printed.update(
-                    {each: words[k::parts][:1000] for k, each in enumerate(named)} if words and kind.kind == "f" else {}
-                )
-    except (ValueError, KeyError, struct.error, zlib.error) as error:
-        if isinstance(error, UsageError):
-            raise
-        raise UsageError(
-            f"{path}: an array cannot be read ({type(error).__name__}: {error}); write the series as ASCII"
-        ) from error
-    return data, printed
-
-
-def _decode(source: str | bytes, width: int, order: str, packed: bool) -> bytes:
-    """Bytes of a binary array: after its length, or, packed, after the number and sizes of blocks."""
-    form = order + ("Q" if width == 8 else "I")
-
-    def part(begin: int, size: int) -> bytes:
-        """``size`` bytes of what begins at the character ``begin``."""
-        if isinstance(source, bytes):
-            return source[begin : begin + size]
-        return base64.b64decode(source[begin : begin + (size + 2) // 3 * 4])[:size]
-
-    if not packed:
-        size = struct.unpack(form, part(0, width))[0]
-        return part(0, width + size)[width:] if not isinstance(source, bytes) else part(width, size)
-    blocks = struct.unpack(form, part(0, width))[0]
-    head = (3 + blocks) * width
-    sizes = struct.unpack(order + ("Q" if width == 8 else "I") * blocks, part(0, head)[3 * width :])
-    begin = head if isinstance(source, bytes) else (head + 2) // 3 * 4
-    body = part(begin, sum(sizes))
-    made, at = [], 0
-    for size in sizes:
-        made.append(zlib.decompress(body[at : at + size]))
-        at += size
-    return b"".join(made)
+    return VtkFrame(data, printed)

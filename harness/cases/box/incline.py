@@ -167,11 +167,7 @@ class BoxIncline:
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """The motion in continuous time for all engines; exact steps where the scheme has them."""
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
-
-        return box_checks(setup, engine, found)
+        return box_checks((_exact, _continuous), params, setup, observed, engine)
 
 
 def start_of(params: Mapping[str, Any]) -> BoxStart:
@@ -232,10 +228,13 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     first_step[1] = 1.0
     expected = {"spin": first.tipping * numerics.dt, "fn": MASS * first.fn, "fs": MASS * first.fs}
     sizes = {"spin": G * numerics.dt / HALF_HEIGHT, "fn": MASS * G, "fs": MASS * G}
+    # In single precision what touches overlaps by eight units in the last place: the arms of the weight are off by that.
+    extent = math.hypot(float(_half(params)[0]), HALF_HEIGHT) + 0.5 * G * t_end**2
+    place = single(engine, extent, 16) / HALF_HEIGHT
     return [
         Check(quantity=name, norm="max", truth="exact-step", expected=value * first_step,
               source="first step from rest about the lower edge", rtol=1e-8, scale=sizes[name],
-              atol=1e-8 * sizes[name] + single(engine, sizes[name], 1),
+              atol=(1e-8 + place) * sizes[name] + single(engine, sizes[name], 1),
               why=f"exact in the first step: the solver's tolerance, 1e-8{single_precision(engine)}")
         for name, value in expected.items()
     ]  # fmt: skip

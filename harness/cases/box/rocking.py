@@ -149,15 +149,12 @@ class BoxRocking:
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """The first step of engines that have it; the motion of all."""
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
-
-        return box_checks(setup, engine, found)
+        return box_checks((_exact, _continuous), params, setup, observed, engine)
 
 
 def _half(params: Mapping[str, Any]) -> FloatArray:
-    return params["size"] * np.array([params["aspect"] * HALF_HEIGHT, HALF_WIDTH, HALF_HEIGHT])
+    size = float(params["size"])
+    return size * np.array([params["aspect"] * HALF_HEIGHT, HALF_WIDTH, HALF_HEIGHT])
 
 
 def _shape(params: Mapping[str, Any]) -> dict[str, float]:

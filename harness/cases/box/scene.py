@@ -12,7 +12,7 @@ from ninedisk.core.history import History
 from ninedisk.core.law import SphereLaw
 from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.boxes import rotation_matrix
-from ninedisk.harness.api.case import Check, FloatArray, SphereSetup
+from ninedisk.harness.api.case import Check, FloatArray, Observed, SphereSetup
 from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.common import contact_softness, contact_step, single, slack_time
 from ninedisk.harness.cases.differences import LIFTS, checks_with_allowance, follows_associated_rule
@@ -50,10 +50,18 @@ OFF = 0.3
 
 
 def box_checks(
-    setup: SphereSetup, engine: EngineInfo, found: Callable[[Any, EngineInfo], list[Check]]
+    parts: Sequence[Callable[[Any, Any, Observed, EngineInfo], list[Check]]],
+    params: Any,
+    setup: SphereSetup,
+    observed: Observed,
+    engine: EngineInfo,
 ) -> Sequence[Check]:
-    """Checks ``found`` of a box that may slide, with what a difference of the engine explains beyond them."""
+    """Checks of all ``parts`` of a box that may slide, with what a difference of the engine explains beyond them."""
     others = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
+
+    def found(setup: Any, engine: EngineInfo) -> list[Check]:
+        return [check for part in parts for check in part(params, setup, observed, engine)]
+
     return checks_with_allowance(askew_of(engine) or others, setup, engine, found)
 
 

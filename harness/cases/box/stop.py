@@ -141,11 +141,7 @@ class BoxStop:
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """The motion in continuous time for all engines; exact steps where the scheme has them."""
-
-        def found(setup: Any, engine: EngineInfo) -> list[Check]:
-            return [*_exact(params, setup, observed, engine), *_continuous(params, setup, observed, engine)]
-
-        return box_checks(setup, engine, found)
+        return box_checks((_exact, _continuous), params, setup, observed, engine)
 
 
 def _frame(params: Mapping[str, Any]) -> Any:

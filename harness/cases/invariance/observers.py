@@ -234,7 +234,10 @@ def _rounding(frame: Frame, original: Setup, engine: EngineInfo) -> dict[str, fl
         speed = length / (numerics.contact_dt or numerics.dt)
         force = kn * length
     else:
-        speed = length / numerics.dt + ROUNDINGS * float(np.spacing(drift)) + single(engine, drift, numerics.n_steps)
+        # Loads and contacts each round the velocity in every step.
+        speed = (
+            length / numerics.dt + ROUNDINGS * float(np.spacing(drift)) + single(engine, drift, 2 * numerics.n_steps)
+        )
         force = mass * speed / numerics.dt
         length += single(engine, reach, numerics.n_steps)
     top = float(np.abs(bodies.v).max())

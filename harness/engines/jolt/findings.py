@@ -51,29 +51,9 @@ FINDINGS = (
             quantity="vx_final",
             truth="exact-step",
             over=1e-09,
-            fails=True,
             over_why="double precision leaves 1e-12 of the slide's speed beside the observer's",
         ),
         documented="the type float of its API",
-    ),
-    Finding(
-        id="jolt/normal-of-a-wide-face",
-        versions=VERSION,
-        what=(
-            "A ball that an elastic moving wall, the face of a box, hits leaves the plane of its motion by up to 4e-5 of its speed: its "
-            "contact normal comes from an iteration in single precision."
-        ),
-        size=Size(
-            case="spheres/unequal",
-            variant="kind=impacts,*",
-            column="abs_error",
-            quantity="first_plane_off_plane",
-            truth="analytic",
-            per="1",
-            over=3.6e-6,
-            fails=True,
-            over_why="an impact with the exact normal leaves some units of single precision's round-off",
-        ),
     ),
     Finding(
         id="jolt/box-tips-in-single-precision",
@@ -88,7 +68,6 @@ FINDINGS = (
             quantity="spin",
             truth="exact-step",
             over=2e-8,
-            fails=True,
             over_why="the first step of Newton's laws, in double precision right to 1e-8",
         ),
     ),

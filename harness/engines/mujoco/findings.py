@@ -55,7 +55,6 @@ FINDINGS = (
             truth="analytic",
             over=0.1,
             sign=1,
-            fails=True,
             over_why="a corner that sticks has one impulse, on whatever way it comes to it: DART gives 2e-5 of it, Bullet round-off",
         ),
         documented="https://mujoco.readthedocs.io/en/stable/computation/index.html",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,7 +96,7 @@ def rocking_box(
         return Rocking(angle, turned, 0.0, slow * half_height / (g - slow * half_length))
     # Within a thousandth of the balance it stays for ln(1000) times of the growth there at most, on each way.
     until = max(20.0 / math.sqrt(rate) / unit, 3.0)
-    found = solve_ivp(
+    found: Any = solve_ivp(
         turning, (0.0, until), [0.0, 1.0], method="DOP853", rtol=1e-12, atol=1e-14, events=landing, dense_output=True
     )
     lands = float(found.t_events[0][0])

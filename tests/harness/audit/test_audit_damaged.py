@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ninedisk_tests_written import FORMATS, PLAIN, TOML, Run, gsd, make_run, netcdf, npz, vtk_inline, vtk_raw
+from ninedisk_tests_written import DENSE, FORMATS, PLAIN, TOML, Run, gsd, make_run, netcdf, npz, vtk_inline, vtk_raw
 from typer.testing import CliRunner
 
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.cli.app import app
 
-TEXT = ("dump", "yaml", "csv", "extxyz", "yade", "vtk-text")
-FOLDERS = ("yade", "vtk-raw", "vtk-inline", "vtk-text")
+TEXT = ("dump", "yaml", "csv", "extxyz", "yade", "vtk-text", "vtk-pieces", "mercury")
+FOLDERS = ("yade", "vtk-raw", "vtk-inline", "vtk-text", "vtk-pieces")
 TIMED = tuple(name for name in FORMATS if name not in FOLDERS)
 COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "omegax", "omegay", "omega")
 
@@ -33,7 +33,7 @@ def run() -> Run:
 
 
 def audited(path: Path) -> tuple[int, str]:
-    path.with_name("audit.toml").write_text(TOML + PLAIN)
+    path.with_name("audit.toml").write_text(TOML + (DENSE if path.suffix == ".data" else PLAIN))
     done = CliRunner().invoke(app, ["audit", str(path)])
     return done.exit_code, done.output
 

@@ -26,6 +26,9 @@ CHOSEN = (
     "lammps-3d-yaml-gravity",
     "lammps-3d-extxyz",
     "lammps-3d-extxyz-gravity",
+    "lammps-3d-data-file",
+    "lammps-3d-data-file-hybrid",
+    "lammps-3d-data-file-gravity",
     "lammps-3d-restart",
     "lammps-3d-restart-lost-history",
 )

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from ninedisk_tests_written import (
+    DENSE,
     FORMATS,
     PLAIN,
     RADIUS,
@@ -31,8 +32,10 @@ from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
 from ninedisk.harness.audit.scene import read_scene
 
-NEW = ("yaml", "extxyz", "yade", "netcdf", "netcdf-hdf5", "gsd", "h5md")
-BINARY = ("netcdf", "h5md")
+NEW = ("yaml", "extxyz", "yade", "netcdf", "netcdf-hdf5", "gsd", "h5md", "vtk-pieces", "vtkhdf", "mercury")
+TIMED = ("extxyz", "vtkhdf", "mercury")
+"""Formats with times and no steps."""
+BINARY = ("netcdf", "h5md", "vtkhdf")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +45,7 @@ def run() -> Run:
 
 def record(file: Path, bodies: str = PLAIN) -> dict[str, Any]:
     toml = file.with_name("audit.toml")
-    toml.write_text(TOML + bodies)
+    toml.write_text(TOML + (DENSE if file.suffix == ".data" else bodies))
     return audit(file, read_scene(toml), lambda *_: None)
 
 
@@ -89,14 +92,15 @@ def test_numbers_are_those_of_the_run(name: str, run: Run, tmp_path: Path) -> No
     read = frames(tmp_path / file)
     digits = 1e-5 if name == "yade" else 5e-7
     for k in (0, 17, 59):
+        order = np.argsort(read[k].columns.get("id", np.arange(4)))
         for c, column in enumerate(("x", "y", "z", "vx", "vy", "vz", "omegax", "omegay", "omega")):
-            assert_allclose(read[k].columns[column], run.rows[k, :, c], rtol=digits, atol=digits)
-        assert_allclose(read[k].columns["radius"], RADIUS, rtol=digits)
-        assert read[k].step == run.step[k] or name == "extxyz"
+            assert_allclose(read[k].columns[column][order], run.rows[k, :, c], rtol=digits, atol=digits)
+        assert_allclose(read[k].columns["radius"][order], RADIUS, rtol=digits)
+        assert read[k].step == run.step[k] or name in TIMED
 
 
 @pytest.mark.parametrize(("name", "package", "extra"), [
-    ("netcdf", "netCDF4", "netcdf"), ("gsd", "gsd.fl", "gsd"), ("h5md", "h5py", "h5md"),
+    ("netcdf", "netCDF4", "netcdf"), ("gsd", "gsd.fl", "gsd"), ("h5md", "h5py", "h5md"), ("vtkhdf", "h5py", "h5md"),
 ])  # fmt: skip
 def test_a_missing_package_is_named(
     name: str, package: str, extra: str, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

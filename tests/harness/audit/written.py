@@ -27,6 +27,8 @@ walls = [{{name = "floor", point = [0.0, 0.0, 0.0], normal = [0.0, 0.0, 1.0]}}]
 """
 WITH_BODIES = f'spheres = {{inertia = "sphere", radius = {RADIUS.tolist()}, mass = {MASS.tolist()}}}\n'
 PLAIN = 'spheres = {inertia = "sphere"}\n'
+DENSE = 'spheres = {inertia = "sphere", density = 2000.0}\n'
+"""For formats without masses."""
 
 
 @dataclass(frozen=True)
@@ -281,10 +283,98 @@ def parquet(path: Path, run: Run, kind: str = "f8") -> None:
     pd.DataFrame({**fixed, **columns}).to_parquet(path)
 
 
+SPLIT = (slice(0, 1), slice(1, 4))
+"""Bodies of two processes, which swap places from frame to frame."""
+
+
+def vtk_pieces(path: Path, run: Run, _: str = "f8", ghosts: bool = False, ids: bool = True) -> None:
+    """A folder of .pvtp, each with two pieces; ``ghosts``: the second one repeats a body of the first one, marked and misplaced."""
+    path.mkdir()
+    for k, step in enumerate(run.step):
+        names = []
+        for p, part in enumerate(SPLIT if k % 2 else SPLIT[::-1]):
+            rows = np.arange(len(RADIUS))[part]
+            marks = np.zeros(len(rows), dtype=int)
+            if ghosts and p == 1:
+                rows, marks = (
+                    np.append(rows, np.arange(len(RADIUS))[(SPLIT[::-1] if k % 2 else SPLIT)[1]][0]),
+                    np.append(marks, 1),
+                )
+            arrays: dict[str, Any] = {
+                "Points": run.x[k],
+                "velocity": run.v[k],
+                "omega": run.omega[k],
+                "radius": RADIUS,
+                "mass": MASS,
+            }
+            if ids:
+                arrays["id"] = np.arange(1, len(RADIUS) + 1)
+            body = ""
+            for name, values in arrays.items():
+                chosen = values[rows] + (7.0 * marks[:, None] if name == "Points" else 0)
+                numbers, width = " ".join(map(_printed, chosen.ravel())), 3 if chosen.ndim == 2 else 1
+                array = f'<DataArray type="Float64" Name="{name}" NumberOfComponents="{width}" format="ascii">{numbers}</DataArray>\n'
+                body += f"<Points>{array}</Points><PointData>" if name == "Points" else array
+            if ghosts:
+                body += f'<DataArray type="UInt8" Name="vtkGhostType" format="ascii">{" ".join(map(str, marks))}</DataArray>'
+            names.append(f"frame-{step:06d}_{p}.vtp")
+            text = (
+                f'<VTKFile type="PolyData"><PolyData>\n<Piece NumberOfPoints="{len(rows)}">{body}</PointData></Piece>\n'
+            )
+            (path / names[-1]).write_text(text + "</PolyData></VTKFile>\n")
+        pieces = "".join(f'<Piece Source="{name}"/>\n' for name in names)
+        (path / f"frame-{step:06d}.pvtp").write_text(
+            f'<VTKFile type="PPolyData"><PPolyData>\n{pieces}</PPolyData></VTKFile>\n'
+        )
+
+
+def vtkhdf(path: Path, run: Run, kind: str = "f8", change: Callable[[Any], None] | None = None) -> None:
+    """Two parts a step; masses and radii are stored once."""
+    import h5py
+
+    n, frames = len(RADIUS), len(run.t)
+    orders = [np.concatenate([np.arange(n)[part] for part in (SPLIT if k % 2 else SPLIT[::-1])]) for k in range(frames)]
+    with h5py.File(path, "w") as file:
+        group = file.create_group("VTKHDF")
+        group.attrs["Version"], group.attrs["Type"] = (2, 2), np.bytes_("PolyData")
+        group["NumberOfPoints"] = np.concatenate([(1, 3) if k % 2 else (3, 1) for k in range(frames)])
+
+        def flat(values: FloatArray) -> FloatArray:
+            return np.concatenate([values[k, order] for k, order in enumerate(orders)]).astype(kind)
+
+        group["Points"] = flat(run.x)
+        data = group.create_group("PointData")
+        data["velocity"], data["omega"] = flat(run.v), flat(run.omega)
+        both = [np.concatenate([np.arange(n)[part] for part in parts]) for parts in (SPLIT[::-1], SPLIT)]
+        for name, values in (("radius", RADIUS), ("mass", MASS), ("id", np.arange(1, n + 1))):
+            data[name] = np.concatenate([values[order] for order in both])
+        steps = group.create_group("Steps")
+        steps.attrs["NSteps"] = frames
+        steps["Values"], steps["PartOffsets"], steps["NumberOfParts"] = run.t, 2 * np.arange(frames), np.full(frames, 2)
+        steps["PointOffsets"] = n * np.arange(frames)
+        offsets = steps.create_group("PointDataOffsets")
+        for name in ("radius", "mass", "id"):
+            offsets[name] = n * (np.arange(frames) % 2)
+        if change is not None:
+            change(group)
+
+
+def mercury(path: Path, run: Run, _: str = "f8") -> None:
+    """As MercuryDPM's documentation has it: places with 15 digits, the rest with 10."""
+    made = []
+    for k, t in enumerate(run.t):
+        made.append(f"{len(RADIUS)} {t:.10g} -9 -9 -9 9 9 9 ")
+        for i in range(len(RADIUS)):
+            rest = (*run.v[k, i], RADIUS[i], 0.1, -0.2, 0.3, *run.omega[k, i])
+            made.append(" ".join([f"{each:.15g}" for each in run.x[k, i]] + [f"{each:.10g}" for each in rest] + ["0"]))
+    path.write_text("\n".join(made) + "\n")
+
+
 FORMATS: dict[str, tuple[str, Callable[..., None]]] = {
     "dump": ("run.dump", dump), "yaml": ("run.yaml", yaml), "csv": ("run.csv", table), "extxyz": ("run.extxyz", extxyz),
     "yade": ("frames", yade), "netcdf": ("run.nc", netcdf), "netcdf-hdf5": ("run.nc", netcdf_in_hdf5), "gsd": ("run.gsd", gsd),
     "h5md": ("run.h5", h5md), "vtk-raw": ("frames", vtk_raw), "vtk-inline": ("frames", vtk_inline), "vtk-text": ("frames", vtk_text),
+    "vtk-pieces": ("frames", vtk_pieces), "vtkhdf": ("run.vtkhdf", vtkhdf), "mercury": ("run.data", mercury),
     "npz": ("run.npz", npz), "parquet": ("run.parquet", parquet),
 }  # fmt: skip
 """Name -> file or folder, writer."""
