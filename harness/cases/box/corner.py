@@ -28,6 +28,7 @@ from ninedisk.harness.cases.common import (
     whole_steps,
 )
 from ninedisk.harness.cases.differences import excused_checks, follows_associated_rule
+from ninedisk.harness.cases.pyramid import pyramid_impulse
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.free_rotation import euler_steps, free_rotation
 from ninedisk.references.analytic.impact.corner_impact import CornerImpact, corner_impact
@@ -160,7 +161,7 @@ class CornerDrop:
         if Difference.IMPACT_AS_SPRINGS in engine.differences:
             right = _checks(params, setup, observed, engine)
             return excused_checks(right, _by_springs(params, setup, right), f"{engine.id}/corner-rebounds")
-        return box_checks((_checks,), params, setup, observed, engine)
+        return box_checks((_checks,), params, setup, observed, engine, Difference.FRICTION_PYRAMID)
 
 
 def _arm(half: FloatArray) -> FloatArray:
@@ -201,6 +202,13 @@ def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tup
         box = setup.scene.spheres
         arm = float(np.linalg.norm(_arm(box.half_sizes[0])))
         return off, off * arm / float(box.inertia[0].min()), f"friction is off by up to {OFF:g} of its bound"
+    elif Difference.FRICTION_PYRAMID in engine.differences:
+        p, box, turn = _pyramid(params, setup), setup.scene.spheres, rotation_matrix(TURN)
+        spin = turn @ ((turn.T @ np.cross(_arm(box.half_sizes[0]), p)) / box.inertia[0])
+        t = setup.numerics.sampled_steps() * setup.numerics.dt
+        one, two = (_in_space(free_rotation(t, **_start(each, setup))) for each in (impact, impact._replace(spin=spin)))
+        turned = float(np.linalg.norm(two - one, axis=1).max())
+        return float(np.linalg.norm(p - impact.impulse)), turned, "friction of a pyramid along the velocity"
     else:
         return 0.0, 0.0, ""
     return (
@@ -208,6 +216,15 @@ def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tup
         float(np.linalg.norm(other.spin - impact.spin)),
         why,
     )
+
+
+def _pyramid(params: Mapping[str, Any], setup: Any) -> FloatArray:
+    """The impulse with friction that is bounded along the velocity and across it [N s]."""
+    box = setup.scene.spheres
+    turn, arm, v = rotation_matrix(TURN), _arm(box.half_sizes[0]), box.v[0]
+    arms = np.cross(np.eye(3), arm)  # rows: e x r, of which -[r] e = e x r
+    response = np.eye(3) / MASS + arms @ (turn @ np.diag(1.0 / box.inertia[0]) @ turn.T) @ arms.T
+    return pyramid_impulse(response, v, rebound=-params["restitution"] * float(v[2]), mu=params["mu"], centre=v)
 
 
 def _truth(params: Mapping[str, Any], setup: Any) -> _Truth:

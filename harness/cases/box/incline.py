@@ -249,7 +249,7 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
     turning = off.speed / float(half[:2].min())
     atol = {
         "down": off.overlap + 0.5 * first.acceleration * t_end * dt,
-        "across": off.overlap,
+        "across": off.overlap + single(engine, math.sqrt(0.5) * first.acceleration * t_end**2, numerics.n_steps),
         "speed": off.speed,
         "gap": off.overlap,
         "spin": turning,

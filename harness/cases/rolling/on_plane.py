@@ -38,6 +38,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
 )
 from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.pyramid import slide_sphere
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
@@ -116,10 +117,15 @@ def _reason(engine: EngineInfo) -> str:
     return f"round-off of the steps{springs}{soft_reason(engine)}{single_precision(engine)}"
 
 
+def _pyramid_of(engine: EngineInfo) -> bool:
+    return Difference.FRICTION_PYRAMID in engine.differences
+
+
 def _excused_checks(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]:
-    """Checks with what two known differences explain: friction that lags a step, sliding that lifts."""
-    if Difference.FRICTION_LAGS in engine.differences:
-        return checks_with_allowance(Difference.FRICTION_LAGS, setup, engine, checks)
+    """Checks with what a known difference explains: friction that lags a step or is a pyramid, sliding that lifts."""
+    for each in (Difference.FRICTION_LAGS, Difference.FRICTION_PYRAMID):
+        if each in engine.differences:
+            return checks_with_allowance(each, setup, engine, checks)
     return checks_with_allowance(LIFTS, setup, engine, checks)
 
 
@@ -724,7 +730,11 @@ class Top:
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             speed, why = max(1.0, slip), _reason(engine)
             bound = _velocity_tolerance(setup, engine, params["mu"] * G if slip else 0.0, speed)
-            turn = bound / (UNIFORM_SPHERE * RADIUS)
+            askew, pushed = (
+                self._by_pyramid(params, setup, truth, observed) if _pyramid_of(engine) and slip else (0.0, 0.0)
+            )
+            turn, places = (bound + askew) / (UNIFORM_SPHERE * RADIUS), bound * float(observed.t[-1]) + pushed
+            bound += askew
             rows = (
                 ("vx", truth.v[:, 0], bound, speed), ("vy", truth.v[:, 1], bound, speed),
                 ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
@@ -747,10 +757,27 @@ class Top:
                 # Places of rigid contacts are sums of the velocities at one end of each step.
                 lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
                 t_end = float(observed.t[-1])
-                found += _path_point_checks(truth.x, source=self.source, atol=bound * t_end + lag, scale=t_end, why=why)
+                found += _path_point_checks(truth.x, source=self.source, atol=places + lag, scale=t_end, why=why)
             return found
 
         return _excused_checks(setup, engine, found)
+
+    def _by_pyramid(
+        self, params: Mapping[str, Any], setup: Any, truth: BallHistory, observed: Observed
+    ) -> tuple[float, float]:
+        """Largest distance in velocity [m/s] and place [m] of a throw whose friction is a pyramid along its velocity."""
+        start, dt = self._start(params), setup.numerics.dt
+        v, spin = np.array([*start[0], 0.0]), np.array(start[1])
+        path = [v]
+        for _ in range(setup.numerics.n_steps):
+            v, spin = slide_sphere(
+                v, spin, np.zeros(3), np.array([0.0, 0.0, 1.0]), radius=RADIUS, pull=params["mu"] * G, dt=dt
+            )
+            path.append(v)
+        velocity = np.array(path)
+        way = dt * np.cumsum(np.vstack([np.zeros(3), velocity[1:]]), axis=0)
+        off = np.abs(velocity[observed.step, :2] - truth.v), np.abs(way[observed.step, :2] - truth.x)
+        return float(off[0].max()), float(off[1].max())
 
 
 SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}
