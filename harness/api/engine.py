@@ -119,7 +119,10 @@ class Difference(StrEnum):
         "friction of bodies is bounded along the velocity of their centres and across it, by mu times the load each: off that velocity it "
         "is up to 1.41 times as strong and up to 45 degrees off the slip"
     )
-    FRICTION_AT_TWO_CORNERS = "friction of a face acts at two of its corners: where their line is across the motion next to nothing keeps a box from turning"
+    FRICTION_AT_TWO_CORNERS = (
+        "friction of a face acts at two of its corners: where their line is across the motion, next to nothing keeps a box from "
+        "turning"
+    )
     IMPULSES_OF_OTHERS = (
         "the impulses of one contact are now and then reported as those of another; the motion is right"
     )

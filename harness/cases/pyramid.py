@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ninedisk.core.validate import FloatArray
 
@@ -98,3 +99,24 @@ def slide_sphere(
     for axis in axes_of(relative, normal):
         change -= float(np.clip((slip @ axis) / 3.5, -pull * dt, pull * dt)) * axis
     return v + change, spin - 2.5 / radius * np.cross(normal, change)
+
+
+def throw_sphere(
+    velocity: ArrayLike, spin: ArrayLike, *, radius: float, pull: float, dt: float, n_steps: int
+) -> FloatArray:
+    """Velocities [m/s] of a uniform sphere on the plane z = 0 at rest at the end of each step, shape (n_steps + 1, 3).
+
+    Examples
+    --------
+    Thrown without spin it rolls at 5/7 of its speed in the end, as with Coulomb's friction:
+
+    >>> found = throw_sphere([1.0, 0.0, 0.0], [0.0, 0.0, 0.0], radius=0.5, pull=3.0, dt=0.01, n_steps=20)
+    >>> found[[0, 1, -1], 0].round(4)
+    array([1.    , 0.97  , 0.7143])
+    """
+    v, w, normal = np.asarray(velocity, dtype=np.float64), np.asarray(spin, dtype=np.float64), np.array([0.0, 0.0, 1.0])
+    found = [v]
+    for _ in range(n_steps):
+        v, w = slide_sphere(v, w, np.zeros(3), normal, radius=radius, pull=pull, dt=dt)
+        found.append(v)
+    return np.array(found)

@@ -38,7 +38,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
 )
 from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
-from ninedisk.harness.cases.pyramid import slide_sphere
+from ninedisk.harness.cases.pyramid import throw_sphere
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
@@ -115,10 +115,6 @@ def _velocity_tolerance(setup: SphereSetup, engine: EngineInfo, pull: float, spe
 def _reason(engine: EngineInfo) -> str:
     springs = "; a shear spring comes up over its slip, and swings on undamped" if engine.contact == "spring" else ""
     return f"round-off of the steps{springs}{soft_reason(engine)}{single_precision(engine)}"
-
-
-def _pyramid_of(engine: EngineInfo) -> bool:
-    return Difference.FRICTION_PYRAMID in engine.differences
 
 
 def _excused_checks(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]:
@@ -730,14 +726,14 @@ class Top:
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             speed, why = max(1.0, slip), _reason(engine)
             bound = _velocity_tolerance(setup, engine, params["mu"] * G if slip else 0.0, speed)
-            askew, pushed = (
-                self._by_pyramid(params, setup, truth, observed) if _pyramid_of(engine) and slip else (0.0, 0.0)
-            )
-            turn, places = (bound + askew) / (UNIFORM_SPHERE * RADIUS), bound * float(observed.t[-1]) + pushed
-            bound += askew
+            askew, pushed = np.zeros(2), 0.0
+            if slip and Difference.FRICTION_PYRAMID in engine.differences:
+                askew, pushed = self._by_pyramid(params, setup, truth, observed)
+                why += "; friction of a pyramid along the velocity"
+            (x, y), turn = (bound + askew).tolist(), 1.0 / (UNIFORM_SPHERE * RADIUS)
             rows = (
-                ("vx", truth.v[:, 0], bound, speed), ("vy", truth.v[:, 1], bound, speed),
-                ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
+                ("vx", truth.v[:, 0], x, speed), ("vy", truth.v[:, 1], y, speed),
+                ("spin_x", truth.spin[:, 0], y * turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], x * turn, speed / RADIUS),
                 ("spin_z", truth.spin[:, 2], _twist_tolerance(setup, engine), SPIN),
             )  # fmt: skip
             found = [
@@ -757,27 +753,25 @@ class Top:
                 # Places of rigid contacts are sums of the velocities at one end of each step.
                 lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
                 t_end = float(observed.t[-1])
-                found += _path_point_checks(truth.x, source=self.source, atol=places + lag, scale=t_end, why=why)
+                found += _path_point_checks(
+                    truth.x, source=self.source, atol=bound * t_end + lag + pushed, scale=t_end, why=why
+                )
             return found
 
         return _excused_checks(setup, engine, found)
 
     def _by_pyramid(
         self, params: Mapping[str, Any], setup: Any, truth: BallHistory, observed: Observed
-    ) -> tuple[float, float]:
-        """Largest distance in velocity [m/s] and place [m] of a throw whose friction is a pyramid along its velocity."""
-        start, dt = self._start(params), setup.numerics.dt
-        v, spin = np.array([*start[0], 0.0]), np.array(start[1])
-        path = [v]
-        for _ in range(setup.numerics.n_steps):
-            v, spin = slide_sphere(
-                v, spin, np.zeros(3), np.array([0.0, 0.0, 1.0]), radius=RADIUS, pull=params["mu"] * G, dt=dt
-            )
-            path.append(v)
-        velocity = np.array(path)
-        way = dt * np.cumsum(np.vstack([np.zeros(3), velocity[1:]]), axis=0)
-        off = np.abs(velocity[observed.step, :2] - truth.v), np.abs(way[observed.step, :2] - truth.x)
-        return float(off[0].max()), float(off[1].max())
+    ) -> tuple[FloatArray, float]:
+        """Largest distance in both velocities [m/s] and in place [m] of a throw whose friction is a pyramid along its velocity."""
+        (vx, vy), spin = self._start(params)
+        numerics = setup.numerics
+        velocity = throw_sphere(
+            (vx, vy, 0.0), spin, radius=RADIUS, pull=params["mu"] * G, dt=numerics.dt, n_steps=numerics.n_steps
+        )
+        way = numerics.dt * np.cumsum(np.vstack([np.zeros(3), velocity[1:]]), axis=0)
+        off = np.abs(velocity[observed.step, :2] - truth.v).max(axis=0)
+        return off, float(np.abs(way[observed.step, :2] - truth.x).max())
 
 
 SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}
