@@ -291,6 +291,8 @@ def _allowance(
     why = (
         "overlaps that the scene begins with; first order of the steps" + soft_reason(engine) + single_precision(engine)
     )
+    if engine.contact == "impulse":
+        rough += 0.25 * single(engine, RADIUS, 8) / (G * dt**2)  # a step takes out what a height, a unit off, parts
     # Overlaps turn the lines of centres by their share of a radius.
     return path, 4.0 * (contact_softness(engine) + MASS * G / KN / RADIUS) + rough, why
 
