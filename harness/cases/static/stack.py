@@ -175,9 +175,7 @@ def _checks(params: Mapping[str, Any], setup: Setup, observed: Observed, engine:
     forces = _truth(params, setup, engine)
     mixed = 0.0
     if Difference.IMPULSES_OF_OTHERS in engine.differences and params["arrangement"] == "pyramid":
-        mixed = max(forces.values()) - min(
-            forces.values()
-        )  # a disk between floor and wall may be reported each for the other
+        mixed = max(forces.values()) - min(forces.values())  # forces at floor and wall may be exchanged
         bounds = bounds._replace(force=bounds.force + mixed, step_force=bounds.step_force + mixed)
     bears = sum(force for name, force in forces.items() if name.startswith("floor"))
     source = "equilibrium of forces"

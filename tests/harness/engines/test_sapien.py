@@ -181,7 +181,8 @@ def test_its_own_settings_differ(rigid, on_plane):
     assert stock.history.v[-1, 0, 1] == pytest.approx(0.0, abs=0.1)  # below its bounce threshold of 2 m/s
     assert stock.settings["sapien.bounce_threshold"] == 2.0
     assert stock.settings["sapien.solver"] == "tgs"
-    assert get_engine("sapien-stock").info().profile == "stock"
+    info = get_engine("sapien-stock").info()
+    assert (info.profile, dict(info.differences)) == ("stock", {})
 
 
 @needs_sapien
