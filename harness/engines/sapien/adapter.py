@@ -54,7 +54,7 @@ OPTIONS = {
         stock=1,
         high=255,
         whole=True,
-        why="sweeps after those; the speed of a box that slides is off by 2e-4 m/s after 50 of them, by 1e-6 m/s after 255, the most",
+        why="sweeps after those; a box in box/stop at 70 degrees is off by 2e-4 m/s after 50 of them, by 1e-6 after 255, the most",
     ),
 }
 
