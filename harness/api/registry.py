@@ -119,10 +119,11 @@ BUILTIN_ENGINES: dict[str, str] = {
     "esys-particle": "ninedisk.harness.engines.esys_particle.adapter:ENGINE",
     "kratos": "ninedisk.harness.engines.kratos.adapter:ENGINE",
     "jolt": "ninedisk.harness.engines.jolt.adapter:ENGINE",
+    "sapien": "ninedisk.harness.engines.sapien.adapter:ENGINE",
 }
 STOCK_ENGINES: dict[str, str] = {
     f"{name}-stock": "ninedisk.harness.engines.stock:ENGINES"
-    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged", "jolt")
+    for name in ("pymunk", "bullet", "dart", "box2d", "mujoco", "drake-sap", "drake-lagged", "jolt", "sapien")
 }
 """Engines at their own settings; they run where they are asked for."""
 CASE_GROUP = "ninedisk.cases"

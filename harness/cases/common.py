@@ -264,6 +264,11 @@ def at_observed(observed: Observed, engine: EngineInfo, name: str, expected: Flo
     return np.full_like(expected, np.nan) if silent else expected
 
 
+def sweeps_of(engine: EngineInfo, numerics: Numerics) -> int:
+    """Sweeps over the contacts in a step, each of which rounds the velocities; 0 for engines that declare none."""
+    return int(engine.option(engine.sweeps, numerics)) if engine.contact == "impulse" and engine.sweeps else 0
+
+
 def single_precision(engine: EngineInfo) -> str:
     """Words for the reason of a tolerance that holds `single`; empty for engines that compute in double precision."""
     return "; single precision" if engine.precision == "float32" else ""

@@ -28,6 +28,9 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.NECK_PARTS_AT_LARGEST_PULL: "neck-parts-at-largest-pull",
     Difference.BOX_FRICTION_ASKEW: "friction-of-a-box-askew",
     Difference.MISSED_TOLERANCE_GIVES_PYRAMID: "missed-tolerance-gives-a-pyramid",
+    Difference.FRICTION_PYRAMID: "friction-pyramid",
+    Difference.FRICTION_AT_TWO_CORNERS: "box-turns-as-it-slides",
+    Difference.IMPULSES_OF_OTHERS: "impulses-of-other-contacts",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

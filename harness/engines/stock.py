@@ -18,7 +18,7 @@ import numpy as np
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.harness.api.capabilities import Capability
-from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.engine import Difference, Engine, EngineInfo, EngineRun, Support, SupportLevel
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.results.schema import STOCK
 
@@ -40,12 +40,15 @@ class StockEngine:
         Where that step comes from.
     plastic : str
         Why no setting of the physics alone gives a restitution; "": one does.
+    tuned_alone : tuple of Difference
+        Differences that the tuned settings alone have.
     """
 
     of: str
     step: float
     step_from: str
     plastic: str = ""
+    tuned_alone: tuple[Difference, ...] = ()
 
     @property
     def id(self) -> str:
@@ -60,7 +63,16 @@ class StockEngine:
     def info(self) -> EngineInfo:
         """Facts about the engine; it has no options."""
         facts = self.tuned.info()
-        return replace(facts, id=self.id, name=f"{facts.name} (stock)", options={}, profile="stock", sweeps="")
+        differences = {each: why for each, why in facts.differences.items() if each not in self.tuned_alone}
+        return replace(
+            facts,
+            id=self.id,
+            name=f"{facts.name} (stock)",
+            options={},
+            profile="stock",
+            sweeps="",
+            differences=differences,
+        )
 
     def supports(self, scene: Any, numerics: Numerics) -> Support:
         """As the adapter; never better than approximate."""
@@ -119,5 +131,12 @@ ENGINES = (
     StockEngine(of="drake-sap", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="drake-lagged", step=1e-3, step_from="Drake's MultibodyPlantConfig"),
     StockEngine(of="jolt", step=1.0 / 60.0, step_from="Jolt's HelloWorld example"),
+    StockEngine(
+        of="sapien",
+        step=0.01,
+        step_from="SAPIEN's PhysxCpuSystem",
+        # Its own solver is TGS.
+        tuned_alone=(Difference.FRICTION_PYRAMID, Difference.FRICTION_AT_TWO_CORNERS, Difference.IMPULSES_OF_OTHERS),
+    ),
 )
 """All of them."""

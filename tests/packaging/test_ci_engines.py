@@ -26,6 +26,7 @@ REQUIRED = (
     "dart",
     "drake",
     "jolt",
+    "sapien",
 )
 NOT_ON_DEBIAN_13 = ("siconos", "bullet")
 """Debian 13 has no package of Siconos, and PyBullet no wheel for its Python."""
@@ -49,7 +50,9 @@ def test_make_and_the_extra_know_the_same_packages() -> None:
     plain = {re.split(r"[<>=]", name)[0] for name in extras["engines"]}
     assert plain - {"pymunk"} == set(line.split())  # pymunk comes with ninedisk itself
     single = {
-        name for extra in ("box2d", "bullet", "dart", "drake", "kratos", "lammps", "mujoco") for name in extras[extra]
+        name
+        for extra in ("box2d", "bullet", "dart", "drake", "kratos", "lammps", "mujoco", "sapien")
+        for name in extras[extra]
     }
     assert single == set(line.split())
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ninedisk.core.history import History
 from ninedisk.core.law import SphereLaw
@@ -25,9 +26,11 @@ from ninedisk.harness.cases.common import (
     single,
     single_precision,
     soft_reason,
+    sweeps_of,
     whole_steps,
 )
 from ninedisk.harness.cases.differences import excused_checks, follows_associated_rule
+from ninedisk.harness.cases.pyramid import pyramid_impulse
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.free_rotation import euler_steps, free_rotation
 from ninedisk.references.analytic.impact.corner_impact import CornerImpact, corner_impact
@@ -160,7 +163,7 @@ class CornerDrop:
         if Difference.IMPACT_AS_SPRINGS in engine.differences:
             right = _checks(params, setup, observed, engine)
             return excused_checks(right, _by_springs(params, setup, right), f"{engine.id}/corner-rebounds")
-        return box_checks((_checks,), params, setup, observed, engine)
+        return box_checks((_checks,), params, setup, observed, engine, Difference.FRICTION_PYRAMID)
 
 
 def _arm(half: FloatArray) -> FloatArray:
@@ -185,8 +188,8 @@ def _impact(params: Mapping[str, Any], setup: Any, *, mu: float | None = None, d
     )
 
 
-def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tuple[float, float, str]:
-    """What a difference of the engine changes of the impulse [N s] and of the spin [rad/s], and why."""
+def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tuple[ArrayLike, ArrayLike, str]:
+    """What a difference of the engine changes of the impulse [N s] and of the spin [rad/s], of each component or of all, and why."""
     impact, mu = _impact(params, setup), params["mu"]
     if follows_associated_rule(engine, setup.numerics):
         other, why = _impact(params, setup, dilates=True), "a sliding corner parts by mu times its slip"
@@ -201,6 +204,12 @@ def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tup
         box = setup.scene.spheres
         arm = float(np.linalg.norm(_arm(box.half_sizes[0])))
         return off, off * arm / float(box.inertia[0].min()), f"friction is off by up to {OFF:g} of its bound"
+    elif Difference.FRICTION_PYRAMID in engine.differences:
+        p, box, turn = _pyramid(params, setup), setup.scene.spheres, rotation_matrix(TURN)
+        spin = turn @ ((turn.T @ np.cross(_arm(box.half_sizes[0]), p)) / box.inertia[0])
+        t = setup.numerics.sampled_steps() * setup.numerics.dt
+        one, two = (_in_space(free_rotation(t, **_start(each, setup))) for each in (impact, impact._replace(spin=spin)))
+        return np.abs(p - impact.impulse), np.abs(two - one).max(axis=0), "friction of a pyramid along the velocity"
     else:
         return 0.0, 0.0, ""
     return (
@@ -208,6 +217,15 @@ def _explained(params: Mapping[str, Any], setup: Any, engine: EngineInfo) -> tup
         float(np.linalg.norm(other.spin - impact.spin)),
         why,
     )
+
+
+def _pyramid(params: Mapping[str, Any], setup: Any) -> FloatArray:
+    """The impulse with friction that is bounded along the velocity and across it [N s]."""
+    box = setup.scene.spheres
+    turn, arm, v = rotation_matrix(TURN), _arm(box.half_sizes[0]), box.v[0]
+    arms = np.cross(np.eye(3), arm)  # rows: e x r, of which -[r] e = e x r
+    response = np.eye(3) / MASS + arms @ (turn @ np.diag(1.0 / box.inertia[0]) @ turn.T) @ arms.T
+    return pyramid_impulse(response, v, rebound=-params["restitution"] * float(v[2]), mu=params["mu"], centre=v)
 
 
 def _truth(params: Mapping[str, Any], setup: Any) -> _Truth:
@@ -253,7 +271,7 @@ def _checks(params: Mapping[str, Any], setup: Any, observed: Observed, engine: E
     turning += float(np.abs(np.diff(plain, axis=0)).max())
     pressed, turned = float(np.linalg.norm(impact.impulse)), float(np.linalg.norm(impact.spin))
     soft = corner_response(half) * contact_softness(engine)
-    steps = numerics.n_steps
+    steps = numerics.n_steps + sweeps_of(engine, numerics)
     speed = float(np.linalg.norm(setup.scene.spheres.v[0]))
     off_impulse = (EXACT_STEP_RTOL + soft) * pressed + single(engine, MASS * speed, steps)
     off_spin = (EXACT_STEP_RTOL + soft) * turned + turning + single(engine, turned, steps)
@@ -262,17 +280,19 @@ def _checks(params: Mapping[str, Any], setup: Any, observed: Observed, engine: E
     if explained:
         why += f"; {explained}"
     turns = f"{why}; the rotation of one step, and twice what Euler's explicit rule errs by"
-    off_impulse, off_spin = off_impulse + beyond, off_spin + beyond_spin
+    beyond, beyond_spin = np.broadcast_to(beyond, 3), np.broadcast_to(beyond_spin, 3)
     expected = np.broadcast_to(impact.impulse, (len(observed.t), 3)).copy()
     expected[0] = np.nan
     found = []
     for k, name in enumerate(AXES):
-        found += [
-            Check(quantity=f"impulse_{name}", norm="max", truth="analytic", expected=expected[:, k], source=SOURCE, atol=off_impulse,
-                  scale=pressed, why=why),
-            Check(quantity=f"spin_{name}", norm="max", truth="analytic", expected=spin[:, k], source=SOURCE, atol=off_spin, scale=turned,
-                  why=turns),
-        ]  # fmt: skip
+        for quantity, truth, atol, scale, reason in (
+            ("impulse", expected, off_impulse + float(beyond[k]), pressed, why),
+            ("spin", spin, off_spin + float(beyond_spin[k]), turned, turns),
+        ):
+            found.append(
+                Check(quantity=f"{quantity}_{name}", norm="max", truth="analytic", expected=truth[:, k], source=SOURCE, atol=atol,
+                      scale=scale, why=reason)
+            )  # fmt: skip
     return found
 
 

@@ -30,6 +30,10 @@ SOLVED = 2e-9
 side."""
 
 
+SOLVED_IN_SINGLE = 3.0
+"""Half units by which a speed is off that a solver in single precision finds: a sum of impulses is off by a unit before it is rounded."""
+
+
 class Frame(NamedTuple):
     """Unit vectors of the plane: along what drives the box, across, and up."""
 
@@ -51,14 +55,19 @@ def box_checks(
     setup: SphereSetup,
     observed: Observed,
     engine: EngineInfo,
+    *patch: Difference,
 ) -> Sequence[Check]:
-    """Checks of all ``parts`` of a box that may slide, with what a difference of the engine explains beyond them."""
+    """Checks of all ``parts`` of a box that may slide, with what a difference of the engine explains beyond them.
+
+    ``patch`` are differences of the friction of a face that the parts have sizes for.
+    """
     others = LIFTS if follows_associated_rule(engine, setup.numerics) else Difference.FRICTION_LAGS
+    own = next((each for each in patch if each in engine.differences), None)
 
     def found(setup: Any, engine: EngineInfo) -> list[Check]:
         return [check for part in parts for check in part(params, setup, observed, engine)]
 
-    return checks_with_allowance(askew_of(engine) or others, setup, engine, found)
+    return checks_with_allowance(askew_of(engine) or own or others, setup, engine, found)
 
 
 def askew_of(engine: EngineInfo) -> Difference | None:
@@ -182,4 +191,5 @@ def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> S
     speed = corner_response(half) * G * slack_time(engine, dt) + SOLVED * G * t_end + single(engine, G * t_end, n_steps)
     keeps = Difference.KEEPS_KN in engine.differences
     overlap = (0.5 * MASS * G / KN if keeps else 0.0) + speed * t_end + 1e-12
+    overlap += single(engine, float(np.linalg.norm(half)), n_steps)  # places are rounded in each step
     return Slack(speed, contact_softness(engine) + 1e-9 + single(engine, 1.0, 1), overlap)

@@ -14,6 +14,7 @@ from ninedisk.harness.api.engine import Difference, EngineInfo
 from ninedisk.harness.cases.box.scene import (
     OFF,
     PAIR,
+    SOLVED_IN_SINGLE,
     G,
     askew_of,
     box_checks,
@@ -28,6 +29,7 @@ from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
     numerics_of,
+    single,
     single_precision,
     soft_reason,
     whole_steps,
@@ -139,7 +141,7 @@ class BoxStop:
         self, params: Mapping[str, Any], setup: SphereSetup, observed: Observed, engine: EngineInfo
     ) -> Sequence[Check]:
         """The motion in continuous time for all engines; exact steps where the scheme has them."""
-        return box_checks((_exact, _continuous), params, setup, observed, engine)
+        return box_checks((_exact, _continuous), params, setup, observed, engine, Difference.FRICTION_AT_TWO_CORNERS)
 
 
 def _frame(params: Mapping[str, Any]) -> Any:
@@ -164,15 +166,16 @@ def _exact(params: Mapping[str, Any], setup: SphereSetup, observed: Observed, en
     speed = np.maximum(params["speed"] - params["mu"] * G * numerics.dt * steps, 0.0)
     path = np.concatenate([[0.0], np.cumsum(numerics.dt * (theta * speed[1:] + (1.0 - theta) * speed[:-1]))])
     # Rounding decides whether a stop that ends with a step takes one more.
-    rough = 1e-9 * params["speed"]
+    rough = 1e-9 * params["speed"] + SOLVED_IN_SINGLE * single(engine, params["speed"], numerics.n_steps)
+    length = single(engine, float(path[-1]), numerics.n_steps)
     off = OFF if askew_of(engine) else 0.0
     source, why = (
         f"{engine.scheme}: exact speeds and their sum",
-        "exact solution of this very scheme: round-off and the solver's tolerance",
+        f"exact solution of this very scheme: round-off and the solver's tolerance{single_precision(engine)}",
     )
     return [
         Check(quantity="distance", norm="max", truth="exact-step", expected=path[observed.step], source=source, rtol=EXACT_STEP_RTOL,
-              atol=rough * float(observed.t[-1]) + off * float(path[-1]), scale=float(path[-1]), why=why),
+              atol=rough * float(observed.t[-1]) + length + off * float(path[-1]), scale=float(path[-1]), why=why),
         Check(quantity="speed", norm="max", truth="exact-step", expected=speed[observed.step], source=source, rtol=EXACT_STEP_RTOL,
               atol=rough + off * params["speed"], scale=params["speed"], why=why),
     ]  # fmt: skip
@@ -208,6 +211,14 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         for name, size in (("distance", aside), ("across", aside), ("gap", 1e-2 * aside), ("turned", aside / lever)):
             atol[name] += size
         why += f"; friction is off by up to {OFF:g} of its bound"
+    if Difference.FRICTION_AT_TWO_CORNERS in engine.differences:
+        # In each step friction takes out what rounding moves both corners by, across the motion by a turn: four roundings of two
+        # coordinates each, of the centre, the turned arm, their sum and the place that is kept.
+        moved = 4.0 * math.sqrt(2.0) * single(engine, float(np.hypot(*HALF[:2])) + float(path[-1]), numerics.n_steps)
+        angle = math.radians(params["direction_deg"] - params["yaw_deg"])
+        arm = min(abs(HALF[0] * math.cos(angle) + sign * HALF[1] * math.sin(angle)) for sign in (1.0, -1.0))
+        atol["turned"] += min(moved / max(arm, 1e-9), float(path[-1]) / lever)
+        why += f"; two corners that are {2.0 * arm:.2g} m apart along the motion"
     if follows_associated_rule(engine, numerics):
         # A step in touch lifts by mu times the slip; a flight has no friction, and a landing takes as much as it has left out.
         fall, lift = G * dt, mu * v0

@@ -38,6 +38,7 @@ from ninedisk.harness.cases.common import (
 )
 from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
 from ninedisk.harness.cases.impact.sphere_impact import ROUND_OFF, parabola_peak, rebound_checks, rebound_within
+from ninedisk.harness.cases.pyramid import slide_sphere
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.impact.hertz import contact_moduli, hertz_shift
 from ninedisk.references.hertz_mindlin import Contact, SpheresAfterImpact, rebound
@@ -410,6 +411,20 @@ def _belt_ends() -> tuple[FloatArray, FloatArray, float]:
     return v - G * LAST * ONE, omega, least
 
 
+def _belt_on_pyramid() -> tuple[float, float]:
+    """Largest distance of a velocity [m/s] and a spin [rad/s] in the end where friction is a pyramid along the spheres' velocities."""
+    v, omega = _belt_start()
+    for each in BELT:
+        for _ in range(round(LEG / BELT_DT)):
+            moved = [
+                slide_sphere(*now, each + LIFT * ONE, ONE, radius=float(radius), pull=BELT_MU * G, dt=BELT_DT)
+                for now, radius in zip(zip(v, omega, strict=True), R_BELT, strict=True)
+            ]
+            v, omega = np.array([a for a, _ in moved]), np.array([b for _, b in moved])
+    truth, spins, _ = _belt_ends()
+    return float(np.abs(v - G * LAST * ONE - truth).max()), float(np.abs(omega - spins).max())
+
+
 # ---- held ----------------------------------------------------------------------------------------------------------------------------
 
 R_FIRST, M_FIRST = np.array([0.4, 0.6, 0.3]), np.array([2.0, 1.0, 3.0])
@@ -720,7 +735,10 @@ class Unequal:
             ]  # fmt: skip
 
         if kind in ("belt", "held"):
-            found += checks_with_allowance(LIFTS, setup, engine, components)
+            pyramid = Difference.FRICTION_PYRAMID
+            found += checks_with_allowance(
+                pyramid if pyramid in engine.differences else LIFTS, setup, engine, components
+            )
         else:
             found += turning(components(setup, engine)) if kind == "resisted" else components(setup, engine)
         if kind == "belt":
@@ -768,7 +786,11 @@ class Unequal:
                 why = f"a step of each segment{soft_reason(engine)}{single_precision(engine)}"
             if follows_associated_rule(engine, numerics):
                 v += speed
-            return {"v": v, "omega": omega + 2.5 * v / R_BELT.min()}, why
+            omega += 2.5 * v / R_BELT.min()
+            if kind == "belt" and Difference.FRICTION_PYRAMID in engine.differences:
+                off, turned = _belt_on_pyramid()
+                v, omega, why = v + off, omega + turned, f"{why}; friction of a pyramid along the velocities"
+            return {"v": v, "omega": omega}, why
         if kind == "crowd":
             if engine.contact == "spring":
                 phase = math.sqrt(CROWD_KN / _crowd_mass().min()) * own

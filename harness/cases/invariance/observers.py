@@ -239,6 +239,12 @@ def _rounding(frame: Frame, original: Setup, engine: EngineInfo) -> dict[str, fl
             length / numerics.dt + ROUNDINGS * float(np.spacing(drift)) + single(engine, drift, 2 * numerics.n_steps)
         )
         force = mass * speed / numerics.dt
+        if frame.angle and engine.contact in ("impulse", "soft"):
+            # A contact along no axis closes within a step what rounding opens: sqrt(3) units of a place, and of the speeds that cancel.
+            moved = float(np.abs(bodies.v).max()) + math.hypot(*scene.gravity) * t_end
+            force += mass * single(engine, moved, 8) / numerics.dt
+            if engine.contact == "impulse":
+                force += mass * 0.25 * math.sqrt(3.0) * single(engine, reach, 8) / numerics.dt**2
         length += single(engine, reach, numerics.n_steps)
     top = float(np.abs(bodies.v).max())
     return {

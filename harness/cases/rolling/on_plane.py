@@ -38,6 +38,7 @@ from ninedisk.harness.cases.common import (
     soft_reason,
 )
 from ninedisk.harness.cases.differences import FINDING_WORDS, LIFTS, checks_with_allowance, follows_associated_rule
+from ninedisk.harness.cases.pyramid import throw_sphere
 from ninedisk.harness.results.figures import Figure, Plotted
 from ninedisk.references.analytic.on_plane.ball_on_plane import BallHistory, against_twisting, slide_and_roll, slip_of
 from ninedisk.references.analytic.on_plane.rolling_incline import roll_down, roll_rates
@@ -117,9 +118,10 @@ def _reason(engine: EngineInfo) -> str:
 
 
 def _excused_checks(setup: SphereSetup, engine: EngineInfo, checks: Any) -> list[Check]:
-    """Checks with what two known differences explain: friction that lags a step, sliding that lifts."""
-    if Difference.FRICTION_LAGS in engine.differences:
-        return checks_with_allowance(Difference.FRICTION_LAGS, setup, engine, checks)
+    """Checks with what a known difference explains: friction that lags a step or is a pyramid, sliding that lifts."""
+    for each in (Difference.FRICTION_LAGS, Difference.FRICTION_PYRAMID):
+        if each in engine.differences:
+            return checks_with_allowance(each, setup, engine, checks)
     return checks_with_allowance(LIFTS, setup, engine, checks)
 
 
@@ -724,10 +726,14 @@ class Top:
         def found(setup: Any, engine: EngineInfo) -> list[Check]:
             speed, why = max(1.0, slip), _reason(engine)
             bound = _velocity_tolerance(setup, engine, params["mu"] * G if slip else 0.0, speed)
-            turn = bound / (UNIFORM_SPHERE * RADIUS)
+            askew, pushed = np.zeros(2), 0.0
+            if slip and Difference.FRICTION_PYRAMID in engine.differences:
+                askew, pushed = self._by_pyramid(params, setup, truth, observed)
+                why += "; friction of a pyramid along the velocity"
+            (x, y), turn = (bound + askew).tolist(), 1.0 / (UNIFORM_SPHERE * RADIUS)
             rows = (
-                ("vx", truth.v[:, 0], bound, speed), ("vy", truth.v[:, 1], bound, speed),
-                ("spin_x", truth.spin[:, 0], turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], turn, speed / RADIUS),
+                ("vx", truth.v[:, 0], x, speed), ("vy", truth.v[:, 1], y, speed),
+                ("spin_x", truth.spin[:, 0], y * turn, speed / RADIUS), ("spin_y", truth.spin[:, 1], x * turn, speed / RADIUS),
                 ("spin_z", truth.spin[:, 2], _twist_tolerance(setup, engine), SPIN),
             )  # fmt: skip
             found = [
@@ -747,10 +753,25 @@ class Top:
                 # Places of rigid contacts are sums of the velocities at one end of each step.
                 lag = 0.0 if engine.contact == "spring" else speed * params["dt"]
                 t_end = float(observed.t[-1])
-                found += _path_point_checks(truth.x, source=self.source, atol=bound * t_end + lag, scale=t_end, why=why)
+                found += _path_point_checks(
+                    truth.x, source=self.source, atol=bound * t_end + lag + pushed, scale=t_end, why=why
+                )
             return found
 
         return _excused_checks(setup, engine, found)
+
+    def _by_pyramid(
+        self, params: Mapping[str, Any], setup: Any, truth: BallHistory, observed: Observed
+    ) -> tuple[FloatArray, float]:
+        """Largest distance in both velocities [m/s] and in place [m] of a throw whose friction is a pyramid along its velocity."""
+        (vx, vy), spin = self._start(params)
+        numerics = setup.numerics
+        velocity = throw_sphere(
+            (vx, vy, 0.0), spin, radius=RADIUS, pull=params["mu"] * G, dt=numerics.dt, n_steps=numerics.n_steps
+        )
+        way = numerics.dt * np.cumsum(np.vstack([np.zeros(3), velocity[1:]]), axis=0)
+        off = np.abs(velocity[observed.step, :2] - truth.v).max(axis=0)
+        return off, float(np.abs(way[observed.step, :2] - truth.x).max())
 
 
 SLOPES = {"level": 0.0, "incline": 10.0, "hold": 2.0, "twisting": 0.0}

@@ -520,6 +520,7 @@ EXTERNAL = (
     "dart",
     "box2d",
     "jolt",
+    "sapien",
     "mujoco",
     "drake",
     "drake-sap",
