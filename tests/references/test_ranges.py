@@ -101,6 +101,8 @@ OWN: dict[str, dict[str, Any]] = {
     "box.tipping_box": {"half_length": 0.1},
     "rocking_box.rocking_box": {"spin": 0.5, "half_length": 0.2, "t": np.array([0.0, 9.0])},
     "rocking_box.rocking_ratio": {"half_length": 0.2},
+    "carried_balls.carried_balls": {"push": 9.0, "carried": 2.0},
+    "box_tower.tower_forces": {"mass": (1.0, 2.0), "half_height": (0.1, 0.2), "place": [(0.0, 0.0), (0.1, 0.0)]},
     "corner_impact.corner_impact": {
         "inertia": (0.16, 0.29, 0.37),
         "axes": np.eye(3),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -22,8 +23,8 @@ from ninedisk.harness.run.judge import headline_row
 MUJOCO, CD = get_engine("mujoco"), get_engine("cd")
 needs_mujoco = pytest.mark.skipif(not MUJOCO.info().installed, reason="MuJoCo is not installed")
 
-CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop", "box/rocking")
-LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6, "box/rocking": 5}
+CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop", "box/rocking", "box/carries-balls")
+LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6, "box/rocking": 5, "box/carries-balls": 9}
 
 
 @pytest.mark.parametrize("case_id", CASES)
@@ -74,13 +75,59 @@ def same(it: Any) -> Any:
     return it
 
 
+BALLS = {"rows": 2, "direction_deg": 0.0}
 SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
 SLIPS = {"approach": "turns"}
-EXACT = ("box/corner-drop", "box/rocking")
-"""Cases of impacts, which a soft contact does not do in one step."""
+EXACT = ("box/corner-drop", "box/rocking", "box/carries-balls")
+"""Cases of impacts, which a soft contact does not do in one step, and of several bodies."""
 
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
     "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
+    "a force on the box that is a hundredth larger": (
+        "box/carries-balls",
+        BALLS,
+        lambda scene: scene.replace(forces=(replace(scene.forces[0], force=(151.5, 0.0, 0.0)),)),
+        same,
+    ),
+    "friction of a pyramid": ("box/carries-balls", {"rows": 2}, friction(math.sqrt(2.0)), same),
+    "smooth balls": (
+        "box/carries-balls",
+        BALLS,
+        lambda scene: replace(scene, sphere_sphere=replace(scene.sphere_sphere, mu=0.0)),
+        same,
+    ),
+    "moments of inertia of hollow balls": (
+        "box/carries-balls",
+        BALLS,
+        spheres(inertia=lambda i: np.concatenate([i[:1], 5.0 / 3.0 * i[1:]])),
+        same,
+    ),
+    "a push that moves what should rest": (
+        "box/carries-balls",
+        {"rows": 2, "push": 130.0},
+        friction(0.9),
+        same,
+    ),
+    "balls that roll the other way": ("box/carries-balls", BALLS, same, reported(omega=lambda w: -w)),
+    "a ball that lags": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(v=lambda v: v * np.array([1.0, 1.0, 1.0, 0.99, 1.0])[:, None]),
+    ),
+    "a box that drifts aside": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]]),
+    ),
+    "a box that turns": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(omega=lambda w: w + np.array([0.0, 0.0, 1e-6])),
+    ),
+    "a box that sinks": ("box/carries-balls", BALLS, same, reported(gap=lambda gap: gap - 1e-8)),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
     "a longer box": (
         "box/incline",

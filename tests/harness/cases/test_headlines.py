@@ -122,6 +122,8 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("box/free", {}, "energy of a free rotation", 1.0),
     ("box/rocking", {}, "spin that rocking keeps", 1.0 - 1.5 * 0.2),
     ("box/rocking", {"rise": 0.8}, "largest turn of a rocking box", 0.8 * math.atan(0.5)),
+    ("box/carries-balls", {}, "distance of a box under balls", 0.5 * 0.7385 * 0.06**2),
+    ("box/carries-balls", {}, "speed of balls on a box", 2.0 / 7.0 * 0.7385 * 0.06),
     # Without friction by hand: (1 + e) v m/(1 + m (r x n) I^-1 (r x n)).
     ("box/corner-drop", {"mu": 0.0, "restitution": 0.5}, "normal impulse on a corner", 2.1303461653812623),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),
