@@ -269,7 +269,7 @@ def _exact(params: Mapping[str, Any], setup: Any, observed: Observed, engine: En
 
 def _askew(params: Mapping[str, Any]) -> float:
     """Acceleration [m/s^2] by which friction that is askew may change that of the box."""
-    return OFF * params["mu"] * (MASS + CARRIED) * G / (MASS + 2.0 / 7.0 * CARRIED)
+    return float(OFF * params["mu"] * (MASS + CARRIED) * G / (MASS + 2.0 / 7.0 * CARRIED))
 
 
 def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engine: EngineInfo) -> list[Check]:

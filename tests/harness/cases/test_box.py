@@ -32,6 +32,7 @@ CASES = (
     "box/carries-balls",
     "box/stack",
     "box/domino",
+    "box/spin",
 )
 LEAST = {
     "box/incline": 4,
@@ -42,6 +43,7 @@ LEAST = {
     "box/carries-balls": 9,
     "box/stack": 16,
     "box/domino": 5,
+    "box/spin": 5,
 }
 
 
@@ -97,7 +99,7 @@ BALLS = {"rows": 2, "direction_deg": 0.0}
 PUSHED = {"share": 0.9, "mu": 0.15}
 SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
 SLIPS = {"approach": "turns"}
-EXACT = ("box/corner-drop", "box/rocking", "box/carries-balls", "box/stack", "box/domino")
+EXACT = ("box/corner-drop", "box/rocking", "box/carries-balls", "box/stack", "box/domino", "box/spin")
 """Cases of impacts, which a soft contact does not do in one step, and of several bodies."""
 
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
@@ -234,6 +236,23 @@ DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..
     "a toppling that ends": ("box/domino", {}, same, reported(omega=lambda w: np.where(w > 0.15, 0.15, w))),
     "a pressure of the other side": ("box/domino", {"share": 0.95}, same, reported(moment=lambda m: -m)),
     "forces of the step after": ("box/domino", PUSHED, same, reported(fn=lambda fn: fn * (1.0 + 1e-6))),
+    "friction of a smaller face": (
+        "box/spin",
+        {},
+        spheres(half_sizes=lambda half: half * [0.99, 1.0, 1.0], inertia=same, radius=lambda _: None),
+        same,
+    ),
+    "friction of a spin that is slightly less": ("box/spin", {}, friction(1.0 - 1e-6), same),
+    "a turn the other way round": ("box/spin", {}, same, reported(quaternion=lambda q: q[::-1])),
+    "a spin that does not end": ("box/spin", {}, same, reported(omega=lambda w: np.maximum(w, 1e-6))),
+    "a spin with a resultant": (
+        "box/spin",
+        {},
+        same,
+        reported(x=lambda x: x + 1e-7 * np.arange(len(x))[:, None, None]),
+    ),
+    "a spin that tilts": ("box/spin", {}, same, reported(omega=lambda w: w + np.array([1e-5, 0.0, 0.0]))),
+    "a spin that lifts": ("box/spin", {}, same, reported(gap=lambda gap: gap + 1e-6)),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
     "a longer box": (
         "box/incline",

@@ -130,6 +130,7 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("box/domino", {"share": 0.95}, "centre of pressure under a pushed box", 0.95 * 0.2),
     ("box/domino", {"share": 0.9, "mu": 0.15}, "distance of a box that is pushed at its top", 0.5 * 0.3 * 0.08**2),
     ("box/domino", {}, "distance of a box that is pushed at its top", math.nan),
+    ("box/spin", {}, "angle in which a spinning box stops", 3.0**2 / (2.0 * 9.0 / math.hypot(0.5, 0.35))),
     # Without friction by hand: (1 + e) v m/(1 + m (r x n) I^-1 (r x n)).
     ("box/corner-drop", {"mu": 0.0, "restitution": 0.5}, "normal impulse on a corner", 2.1303461653812623),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),

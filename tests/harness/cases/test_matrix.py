@@ -65,7 +65,8 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "spheres/unequal": (DEM,),
     **{f"nurbs/{name}": (DEM,) for name in ("overlap", "collision", "settle", "rolling")},
     **{
-        f"box/{name}": (CD,) for name in ("incline", "stop", "free", "corner-drop", "rocking", "carries-balls", "stack")
+        f"box/{name}": (CD,)
+        for name in ("incline", "stop", "free", "corner-drop", "rocking", "carries-balls", "stack", "domino", "spin")
     },
 }
 LEAST = {
