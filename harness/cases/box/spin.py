@@ -178,13 +178,14 @@ def _continuous(params: Mapping[str, Any], setup: Any, observed: Observed, engin
         atol["turned"] += slows * dt * (spin0 / slows + dt)
         why += f"; no friction in the first step: {slows * dt:.3g} rad/s"
     if askew_of(engine):
-        path = float(angle[-1]) * arm
+        # What tilts the box lasts for a step: the contacts that it presses on put it back.
+        turned, tilted = float(angle[-1]), spin0 * arm * dt
         for name, size in (
             ("spin", spin0),
-            ("turned", float(angle[-1])),
+            ("turned", turned),
             ("tilting", spin0),
-            ("aside", path),
-            ("gap", 1e-2 * path),
+            ("aside", turned * arm),
+            ("gap", tilted),
         ):
             atol[name] += OFF * size
         why += f"; friction is off by up to {OFF:g} of its bound"
