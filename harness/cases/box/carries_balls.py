@@ -22,7 +22,16 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.box.scene import KN, OFF, SOLVED, askew_of, box_checks, corner_response, frame_at
+from ninedisk.harness.cases.box.scene import (
+    KN,
+    OFF,
+    SOLVED,
+    askew_of,
+    box_checks,
+    corner_response,
+    frame_at,
+    spring_step,
+)
 from ninedisk.harness.cases.common import (
     EXACT_STEP_RTOL,
     last,
@@ -151,7 +160,9 @@ class BoxCarriesBalls:
         watch = (box, 1 + n)
         return SphereSetup(
             scene=scene,
-            numerics=numerics_of(params, n_steps=n_steps, contact_dt=params["dt"]),
+            numerics=numerics_of(
+                params, n_steps=n_steps, contact_dt=spring_step(params["dt"], HALF, float(load.mass.min()))
+            ),
             watch=(watch,),
             labels={"floor": watch},
         )

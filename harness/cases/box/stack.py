@@ -22,7 +22,7 @@ from ninedisk.harness.api.case import (
     Value,
 )
 from ninedisk.harness.api.engine import EngineInfo
-from ninedisk.harness.cases.box.scene import KN, SOLVED, G, about_z, box_checks, corner_response, frame_at
+from ninedisk.harness.cases.box.scene import KN, SOLVED, G, about_z, box_checks, corner_response, frame_at, spring_step
 from ninedisk.harness.cases.common import (
     last,
     numerics_of,
@@ -113,7 +113,11 @@ class BoxStack:
         floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law)
         gx, gy, gz = (G * (math.sin(slope) * frame.along - math.cos(slope) * frame.up)).tolist()
         pairs = _pairs(params)
-        numerics = numerics_of(params, n_steps=whole_steps(params, params["duration"]), contact_dt=params["dt"])
+        numerics = numerics_of(
+            params,
+            n_steps=whole_steps(params, params["duration"]),
+            contact_dt=spring_step(params["dt"], HALVES[2], float(MASSES.min())),
+        )
         return SphereSetup(
             scene=SphereScene(spheres=bodies, sphere_sphere=law, walls=(floor,), gravity=(gx, gy, gz)),
             numerics=replace(numerics, sample_every=min(3, numerics.n_steps)),
