@@ -100,6 +100,10 @@ BUILTIN_CASES: dict[str, str] = {
     "box/free": "ninedisk.harness.cases.box.free:CASE",
     "box/corner-drop": "ninedisk.harness.cases.box.corner:CASE",
     "box/rocking": "ninedisk.harness.cases.box.rocking:CASE",
+    "box/carries-balls": "ninedisk.harness.cases.box.carries_balls:CASE",
+    "box/stack": "ninedisk.harness.cases.box.stack:CASE",
+    "box/domino": "ninedisk.harness.cases.box.domino:CASE",
+    "box/spin": "ninedisk.harness.cases.box.spin:CASE",
 }
 BUILTIN_ENGINES: dict[str, str] = {
     "dem": "ninedisk.harness.engines.dem.adapter:ENGINE",

@@ -50,10 +50,11 @@ NOTE_MEAN = "friction and dashpots see a wall's mean velocity over the step (dif
 
 
 def uniform(scene: SphereScene) -> bool:
-    """Whether all spheres that can turn are uniform ones."""
+    """Whether all bodies that can turn are uniform spheres."""
     spheres = scene.spheres
-    off = np.abs(spheres.inertia - 0.4 * spheres.mass * spheres.radius**2) > 1e-12 * spheres.inertia
-    return not (off & spheres.rotating).any()
+    inertia = spheres.inertia.reshape(len(spheres), -1)
+    off = np.abs(inertia - 0.4 * (spheres.mass * spheres.radius**2)[:, None]) > 1e-12 * inertia
+    return not (off.any(axis=1) & spheres.rotating).any()
 
 
 def hertz(scene: SphereScene) -> bool:

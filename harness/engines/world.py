@@ -293,13 +293,17 @@ class WorldSession(ABC):
             there, to_face = self.poses((self.done + 1) * self.dt)
             for k in range(len(self.scene.walls)):
                 self.drive(k, here[k], there[k], facing[k], signed_angle(facing[k], to_face[k]) / self.dt)
+        self._push_all()
+
+    def _push_all(self) -> None:
+        """Let the mean forces of the coming step act."""
         if self.scene.forces:
             for i, load in enumerate(mean_loads(self.scene, self.done * self.dt, (self.done + 1) * self.dt)):
                 if not self.fixed[i]:
                     self.push(i, load)
 
     def prescribe_3d(self) -> None:
-        """Put moving walls and spheres where they are at the begin of the coming step, with its velocities."""
+        """Put moving walls and spheres where they are at the begin of the coming step, with its velocities; let forces act."""
         t = self.done * self.dt
         if self.poses.moving:
             here = self.poses(t)
@@ -308,6 +312,7 @@ class WorldSession(ABC):
                 self.drive_3d(k, here.point[k], here.rotation[k], velocity[k], rate[k])
         for i in self.driven:
             self.drive_sphere(i, self.scene.spheres.x[i] + t * self.scene.spheres.v[i])
+        self._push_all()
 
     def observe(self, history: History, row: int) -> None:
         """Copy the state, and the contact impulses of the last step as forces."""
@@ -353,16 +358,16 @@ class WorldSession(ABC):
         return TypeError(f"{type(self).__name__} prescribes no motion: its capabilities must not say so")
 
     def push(self, i: int, load: FloatArray) -> None:
-        """Let a force [N] and a torque [N m], shape (3,), act on a disk in the coming step; of engines with `Capability.BODY_FORCES`."""
-        raise EngineError(f"{self.engine} has no forces on disks: {load!r} on disk {i}")
+        """Let a force [N] and a torque [N m], shape (6,), act on a body in the coming step; of engines with `Capability.BODY_FORCES`."""
+        raise EngineError(f"{self.engine} has no forces on bodies: {load!r} on body {i}")
 
 
-def mean_loads(scene: Scene, begin: float, end: float) -> FloatArray:
-    """Mean of `Scene.forces` between two times [s]: force [N] and torque [N m] on each disk, shape (n, 3)."""
-    mean = np.zeros((len(scene.disks), 3))
+def mean_loads(scene: Scene | SphereScene, begin: float, end: float) -> FloatArray:
+    """Mean of the scene's forces between two times [s]: force [N] and torque [N m] on each body, in 2D of the plane z = 0, shape (n, 6)."""
+    mean = np.zeros((len(scene.bodies), 6))
     for each in scene.forces:
         part = max(0.0, min(end, each.end) - max(begin, each.begin)) / (end - begin)
-        mean[each.disk] += part * np.array([*each.force, each.torque])
+        mean[each.disk] += part * np.array([*three_components(each.force), *three_components(each.torque)])
     return mean
 
 

@@ -101,6 +101,16 @@ OWN: dict[str, dict[str, Any]] = {
     "box.tipping_box": {"half_length": 0.1},
     "rocking_box.rocking_box": {"spin": 0.5, "half_length": 0.2, "t": np.array([0.0, 9.0])},
     "rocking_box.rocking_ratio": {"half_length": 0.2},
+    "carried_balls.carried_balls": {"push": 9.0, "carried": 2.0},
+    "pushed_box.push_start": {"push": 3.0, "height": 1.0, "half_length": 0.2, "half_height": 0.5},
+    "pushed_box.toppling_box": {
+        "push": 9.0,
+        "height": 1.0,
+        "half_length": 0.2,
+        "half_height": 0.5,
+        "t": np.array([0.0, 0.1]),
+    },
+    "box_tower.tower_forces": {"mass": (1.0, 2.0), "half_height": (0.1, 0.2), "place": [(0.0, 0.0), (0.1, 0.0)]},
     "corner_impact.corner_impact": {
         "inertia": (0.16, 0.29, 0.37),
         "axes": np.eye(3),

@@ -175,9 +175,9 @@ def corner_response(half: FloatArray) -> float:
     return 1.0 + 3.0 * float(square.sum()) / float(square.sum() - square.max())
 
 
-def spring_step(dt: float, half: FloatArray) -> float:
+def spring_step(dt: float, half: FloatArray, mass: float = MASS) -> float:
     """Step of engines with contact springs [s]: `PHASE` of the fastest swing on the four corners of a face."""
-    return contact_step(dt, PHASE / math.sqrt(4.0 * corner_response(half) * KN / MASS))
+    return contact_step(dt, PHASE / math.sqrt(4.0 * corner_response(half) * KN / mass))
 
 
 def slack(engine: EngineInfo, half: FloatArray, *, dt: float, n_steps: int) -> Slack:

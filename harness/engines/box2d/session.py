@@ -155,7 +155,7 @@ class Box2DSession(WorldSession):
         units, body = self.units, self.disks[i]
         of_force = units.mass * units.velocity / units.time
         body.ApplyForce(_pair(load[:2] / of_force), body.worldCenter, True)
-        body.ApplyTorque(float(load[2]) / (of_force * units.length), True)
+        body.ApplyTorque(float(load[5]) / (of_force * units.length), True)
 
     def _check_speeds(self, step: float) -> None:
         """Raise where Box2D has cut a velocity off, which it does in silence."""

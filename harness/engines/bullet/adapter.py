@@ -22,11 +22,17 @@ from ninedisk.harness.engines.world import partly_held
 CAPABILITIES = OF_RIGID | {
     Capability.DISK_INERTIA,
     Capability.BODY_FORCES,
+    Capability.BODY_FORCES_3D,
     Capability.SPHERES,
     Capability.TWISTING_CONSTANT,
     Capability.BOXES,
 }
-CAPABILITIES_3D = OF_RIGID_SPHERES | {Capability.ROLLING_CONSTANT, Capability.TWISTING_CONSTANT, Capability.BOXES}
+CAPABILITIES_3D = OF_RIGID_SPHERES | {
+    Capability.BODY_FORCES_3D,
+    Capability.ROLLING_CONSTANT,
+    Capability.TWISTING_CONSTANT,
+    Capability.BOXES,
+}
 
 OPTIONS = {
     "profile": PROFILE,

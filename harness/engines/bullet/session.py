@@ -191,9 +191,8 @@ class BulletSession(WorldSession):
         """Bullet forgets forces after a step."""
         body, unit = self.disks[i], self.unit
         place, _ = self.world.getBasePositionAndOrientation(body)
-        force = [unit * float(load[0]), unit * float(load[1]), 0.0]
-        self.world.applyExternalForce(body, -1, force, place, pybullet.WORLD_FRAME)
-        self.world.applyExternalTorque(body, -1, [0.0, 0.0, unit**2 * float(load[2])], pybullet.WORLD_FRAME)
+        self.world.applyExternalForce(body, -1, (unit * load[:3]).tolist(), place, pybullet.WORLD_FRAME)
+        self.world.applyExternalTorque(body, -1, (unit**2 * load[3:]).tolist(), pybullet.WORLD_FRAME)
 
     def _disk(self, i: int, friction: float, restitution: float) -> int:
         disks = self.scene.bodies

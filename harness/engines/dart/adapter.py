@@ -23,6 +23,7 @@ from ninedisk.harness.engines.world import driven_spheres, partly_held
 CAPABILITIES = (OF_RIGID - {Capability.FIXED_DISKS}) | {
     Capability.DISK_INERTIA,
     Capability.BODY_FORCES,
+    Capability.BODY_FORCES_3D,
     Capability.SPHERES,
     Capability.BOXES,
 }
@@ -75,7 +76,7 @@ class DartEngine(RigidPackageEngine):
 
     id = "dart"
     session = "ninedisk.harness.engines.dart.session:DartSession"
-    capabilities_3d = OF_RIGID_SPHERES | {Capability.BOXES}
+    capabilities_3d = OF_RIGID_SPHERES | {Capability.BODY_FORCES_3D, Capability.BOXES}
     distribution = "dartpy"
     facts = FACTS
 

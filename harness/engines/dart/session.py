@@ -159,10 +159,10 @@ class DartSession(WorldSession):
         self.disks[i].setVelocities([*self.scene.spheres.omega[i], *self.scene.spheres.v[i]])
 
     def push(self, i: int, load: FloatArray) -> None:
-        """DART forgets forces after a step; torques are in the body's frame, whose z axis is the scene's."""
+        """DART forgets forces after a step."""
         body = self.disks[i].getBodyNode(0)
-        body.setExtForce([float(load[0]), float(load[1]), 0.0], [0.0, 0.0, 0.0], False)
-        body.setExtTorque([0.0, 0.0, float(load[2])])
+        body.setExtForce(load[:3].tolist(), [0.0, 0.0, 0.0], False)
+        body.setExtTorque(load[3:].tolist(), False)
 
     def _disk(self, i: int, friction: float, restitution: float) -> Any:
         bodies, flat = self.scene.bodies, self.scene.dimension == 2

@@ -94,7 +94,7 @@ class NodeSession(WorldSession):
         """Step the world; before each step a moving wall gets its exact pose and the velocity that takes it to the next."""
         drives, loads = [], []
         moves = self.poses.moving or self.driven
-        pushed = self.scene.dimension == 2 and self.scene.forces
+        pushed = self.scene.forces
         for _ in range(n_steps if moves or pushed else 0):
             self.coming: list[Any] = []
             self.loads: list[Any] = []
@@ -180,8 +180,7 @@ class NodeSession(WorldSession):
 
     def push(self, i: int, load: FloatArray) -> None:
         """Engines forget forces after a step."""
-        fx, fy, torque = (float(each) for each in load)
-        self.loads.append([i, [self.unit * fx, self.unit * fy, 0.0], [0.0, 0.0, self.unit**2 * torque]])
+        self.loads.append([i, (self.unit * load[:3]).tolist(), (self.unit**2 * load[3:]).tolist()])
 
     @property
     def _raised(self) -> float:

@@ -34,7 +34,7 @@ class JoltEngine(NodeEngine):
     id = "jolt"
     session = "ninedisk.harness.engines.jolt.adapter:JoltSession"
     distribution = "jolt-physics"
-    capabilities_3d = OF_RIGID_SPHERES | {Capability.BOXES}
+    capabilities_3d = OF_RIGID_SPHERES | {Capability.BODY_FORCES_3D, Capability.BOXES}
     facts = npm_facts(
         "jolt-physics",
         id="jolt",
@@ -48,7 +48,14 @@ class JoltEngine(NodeEngine):
             Difference.ARM_LESS_OVERLAP: "Jolt's contact point is midway in the overlap that the step of an impact makes",
             Difference.BOX_FRICTION_ASKEW: "a box that is longer than wide leaves its straight path by up to 4 % of it",
         },
-        capabilities=OF_RIGID | {Capability.DISK_INERTIA, Capability.BODY_FORCES, Capability.SPHERES, Capability.BOXES},
+        capabilities=OF_RIGID
+        | {
+            Capability.DISK_INERTIA,
+            Capability.BODY_FORCES,
+            Capability.BODY_FORCES_3D,
+            Capability.SPHERES,
+            Capability.BOXES,
+        },
     )
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:

@@ -33,6 +33,7 @@ CAPABILITIES = frozenset(
         Capability.DISK_INERTIA,
         Capability.MATERIALS,
         Capability.BODY_FORCES,
+        Capability.BODY_FORCES_3D,
         Capability.SPHERES,
         Capability.TWISTING_CONSTANT,
         Capability.BOXES,
@@ -41,6 +42,7 @@ CAPABILITIES = frozenset(
 """Walls of 2D do not move: a body whose pose is prescribed meets contacts as if it were at rest."""
 
 CAPABILITIES_3D = OF_RIGID_SPHERES | {
+    Capability.BODY_FORCES_3D,
     Capability.MATERIALS,
     Capability.ROLLING_CONSTANT,
     Capability.TWISTING_CONSTANT,

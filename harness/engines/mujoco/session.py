@@ -192,6 +192,8 @@ class MuJoCoSession:
         angle, turn = self.angle[self.turning], np.empty((len(self.turning), 3))
         for remaining in range(n_steps, 0, -1):
             self._prescribe()
+            if self.scene.forces:
+                self._push(self.done)
             self.impulses.clear()
             self.sums = ContactSums(self.scene)
             for _ in range(self.substeps):
@@ -276,7 +278,7 @@ class MuJoCoSession:
         """Forces and torques of the step that begins at ``step``; they last until they are set anew."""
         loads = mean_loads(self.scene, step * self.dt, (step + 1) * self.dt)
         for i in self.free:
-            self.data.xfrc_applied[self.model.body(_name(i)).id, [0, 1, 5]] = loads[i]
+            self.data.xfrc_applied[self.body_ids[i]] = loads[i]
 
     def _add_impulses(self) -> None:
         """Add what the contacts of a substep exert: numbers, as arrays of two or three take ten times as long."""

@@ -103,7 +103,7 @@ class PymunkSession(WorldSession):
     def push(self, i: int, load: FloatArray) -> None:
         """Chipmunk forgets forces after a step."""
         self.disks[i].force = (float(load[0]), float(load[1]))
-        self.disks[i].torque = float(load[2])
+        self.disks[i].torque = float(load[5])
 
     def _pair_law(self, arbiter: pymunk.Arbiter, _space: pymunk.Space, _data: Any) -> None:
         """Friction and restitution of the pair's own law, in place of the products of the shapes' ones."""

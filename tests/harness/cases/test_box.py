@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -22,8 +23,28 @@ from ninedisk.harness.run.judge import headline_row
 MUJOCO, CD = get_engine("mujoco"), get_engine("cd")
 needs_mujoco = pytest.mark.skipif(not MUJOCO.info().installed, reason="MuJoCo is not installed")
 
-CASES = ("box/incline", "box/stop", "box/free", "box/corner-drop", "box/rocking")
-LEAST = {"box/incline": 4, "box/stop": 5, "box/free": 4, "box/corner-drop": 6, "box/rocking": 5}
+CASES = (
+    "box/incline",
+    "box/stop",
+    "box/free",
+    "box/corner-drop",
+    "box/rocking",
+    "box/carries-balls",
+    "box/stack",
+    "box/domino",
+    "box/spin",
+)
+LEAST = {
+    "box/incline": 4,
+    "box/stop": 5,
+    "box/free": 4,
+    "box/corner-drop": 6,
+    "box/rocking": 5,
+    "box/carries-balls": 9,
+    "box/stack": 16,
+    "box/domino": 5,
+    "box/spin": 5,
+}
 
 
 @pytest.mark.parametrize("case_id", CASES)
@@ -74,13 +95,164 @@ def same(it: Any) -> Any:
     return it
 
 
+BALLS = {"rows": 2, "direction_deg": 0.0}
+PUSHED = {"share": 0.9, "mu": 0.15}
 SLIDES, TIPS, STOPS, TURNS = {"mu": 0.35}, {"mu": 0.5, "slope_deg": 30.0, "aspect": 0.4}, {"mu": 0.7}, {}
 SLIPS = {"approach": "turns"}
-EXACT = ("box/corner-drop", "box/rocking")
-"""Cases of impacts, which a soft contact does not do in one step."""
+EXACT = ("box/corner-drop", "box/rocking", "box/carries-balls", "box/stack", "box/domino", "box/spin")
+"""Cases of impacts, which a soft contact does not do in one step, and of several bodies."""
 
 DEFECTS: dict[str, tuple[str, Mapping[str, Any], Callable[..., Any], Callable[..., Any]]] = {
     "a tenth less friction": ("box/incline", {"mu": 0.38}, friction(0.9), same),
+    "a force on the box that is a hundredth larger": (
+        "box/carries-balls",
+        BALLS,
+        lambda scene: scene.replace(forces=(replace(scene.forces[0], force=(151.5, 0.0, 0.0)),)),
+        same,
+    ),
+    "friction of a pyramid": ("box/carries-balls", {"rows": 2}, friction(math.sqrt(2.0)), same),
+    "smooth balls": (
+        "box/carries-balls",
+        BALLS,
+        lambda scene: replace(scene, sphere_sphere=replace(scene.sphere_sphere, mu=0.0)),
+        same,
+    ),
+    "moments of inertia of hollow balls": (
+        "box/carries-balls",
+        BALLS,
+        spheres(inertia=lambda i: np.concatenate([i[:1], 5.0 / 3.0 * i[1:]])),
+        same,
+    ),
+    "a push that moves what should rest": (
+        "box/carries-balls",
+        {"rows": 2, "push": 130.0},
+        friction(0.9),
+        same,
+    ),
+    "balls that roll the other way": ("box/carries-balls", BALLS, same, reported(omega=lambda w: -w)),
+    "a ball that lags": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(v=lambda v: v * np.array([1.0, 1.0, 1.0, 0.99, 1.0])[:, None]),
+    ),
+    "a box that drifts aside": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]]),
+    ),
+    "a box that turns": (
+        "box/carries-balls",
+        BALLS,
+        same,
+        reported(omega=lambda w: w + np.array([0.0, 0.0, 1e-6])),
+    ),
+    "a box that sinks": ("box/carries-balls", BALLS, same, reported(gap=lambda gap: gap - 1e-8)),
+    "a tower that slides": ("box/stack", {}, friction(0.4), same),
+    "a box of the tower that is slightly heavier": (
+        "box/stack",
+        {},
+        spheres(mass=lambda m: m * [1.0, 1.0, 1.00001]),
+        same,
+    ),
+    "boxes of the tower in another place": (
+        "box/stack",
+        {},
+        spheres(x=lambda x: np.add(x, [[0.0], [0.0], [1e-5]])),
+        same,
+    ),
+    "masses in another order": ("box/stack", {}, spheres(mass=lambda m: m[[0, 2, 1]], inertia=lambda _: None), same),
+    "friction the other way": ("box/stack", {}, same, reported(fs=lambda fs: -fs)),
+    "friction of a box on the one above": (
+        "box/stack",
+        {},
+        same,
+        reported(fs=lambda fs: fs * [[[1.0], [-1.0], [1.0]]]),
+    ),
+    "moments that are slightly off": (
+        "box/stack",
+        {},
+        same,
+        reported(moment=lambda m: m + np.array([0.0, 1e-4, 0.0])),
+    ),
+    "forces of the step before last": (
+        "box/stack",
+        {},
+        same,
+        reported(fn=lambda fn: np.concatenate([fn[:1], 0.0 * fn[1:2], fn[2:]])),
+    ),
+    "a tower that creeps": ("box/stack", {}, same, reported(x=lambda x: x + 1e-8 * np.arange(len(x))[:, None, None])),
+    "a box of the tower that moves": ("box/stack", {}, same, reported(v=lambda v: np.add(v, [[[0.0], [1e-7], [0.0]]]))),
+    "a box of the tower that turns": (
+        "box/stack",
+        {},
+        same,
+        reported(omega=lambda w: np.add(w, [[[0.0], [0.0], [1e-6]]])),
+    ),
+    "a gap in the tower": ("box/stack", {}, same, reported(gap=lambda gap: np.add(gap, [0.0, 1e-8, 0.0]))),
+    "a push at the centre": (
+        "box/domino",
+        {},
+        lambda scene: scene.replace(forces=(replace(scene.forces[0], torque=(0.0, 0.0, 0.0)),)),
+        same,
+    ),
+    "a push that is a thousandth larger": (
+        "box/domino",
+        {},
+        lambda scene: scene.replace(
+            forces=(replace(scene.forces[0], force=tuple(1.001 * f for f in scene.forces[0].force)),)
+        ),
+        same,
+    ),
+    "friction that ends too early": ("box/domino", {"share": 0.95}, friction(0.3), same),
+    "slightly more friction": ("box/domino", PUSHED, friction(1.001), same),
+    "a box that topples too early": (
+        "box/domino",
+        {"share": 0.95},
+        spheres(half_sizes=lambda half: half * [0.9, 1.0, 1.0], inertia=lambda _: None, radius=lambda _: None),
+        same,
+    ),
+    "moments of inertia of another box": ("box/domino", {}, spheres(inertia=lambda i: 1.01 * i), same),
+    "a pushed box that drifts aside": (
+        "box/domino",
+        PUSHED,
+        same,
+        reported(x=lambda x: x + 0.01 * (x - x[0])[..., [1, 0, 2]]),
+    ),
+    "a pushed box that rises": ("box/domino", PUSHED, same, reported(gap=lambda gap: gap + 1e-8)),
+    "a pushed box that gains energy": (
+        "box/domino",
+        {"share": 0.95},
+        same,
+        reported(v=lambda v: v + np.array([0.0, 0.0, 1e-4])),
+    ),
+    "a toppling that turns aside": (
+        "box/domino",
+        {},
+        same,
+        reported(omega=lambda w: w + np.array([0.0, 0.0, 1e-6])),
+    ),
+    "a toppling that ends": ("box/domino", {}, same, reported(omega=lambda w: np.where(w > 0.15, 0.15, w))),
+    "a pressure of the other side": ("box/domino", {"share": 0.95}, same, reported(moment=lambda m: -m)),
+    "forces of the step after": ("box/domino", PUSHED, same, reported(fn=lambda fn: fn * (1.0 + 1e-6))),
+    "friction of a smaller face": (
+        "box/spin",
+        {},
+        spheres(half_sizes=lambda half: half * [0.99, 1.0, 1.0], inertia=same, radius=lambda _: None),
+        same,
+    ),
+    "friction of a spin that is slightly less": ("box/spin", {}, friction(1.0 - 1e-6), same),
+    "a turn the other way round": ("box/spin", {}, same, reported(quaternion=lambda q: q[::-1])),
+    "a spin that does not end": ("box/spin", {}, same, reported(omega=lambda w: np.maximum(w, 1e-6))),
+    "a spin with a resultant": (
+        "box/spin",
+        {},
+        same,
+        reported(x=lambda x: x + 1e-7 * np.arange(len(x))[:, None, None]),
+    ),
+    "a spin that tilts": ("box/spin", {}, same, reported(omega=lambda w: w + np.array([1e-5, 0.0, 0.0]))),
+    "a spin that lifts": ("box/spin", {}, same, reported(gap=lambda gap: gap + 1e-6)),
     "slightly less friction": ("box/incline", SLIDES, friction(0.99), same),
     "a longer box": (
         "box/incline",
@@ -206,6 +378,28 @@ def test_impacts_are_those_of_the_closed_form(judge_history: Any, case_id: str, 
 )
 def test_rocking_that_slips_or_lands_is_refused(params: Mapping[str, Any], said: str) -> None:
     case = get_case("box/rocking")
+    with pytest.raises(ParameterError, match=said):
+        case.build(resolve(case, params).params)
+
+
+@pytest.mark.parametrize(
+    ("case_id", "params", "said"),
+    [
+        ("box/carries-balls", {"push": 900.0}, r"push = 900 N is not allowed with mu = 0\.4: the balls would slip"),
+        ("box/carries-balls", {"duration": 2.0}, r"duration = 2 s is not allowed .* would move by 1\.06 m and leave"),
+        (
+            "box/domino",
+            {"share": 1.5, "mu": 0.15},
+            r"share = 1\.5 is not allowed with mu = 0\.15: .* slide while it topples",
+        ),
+        ("box/domino", {"duration": 2.0}, r"duration = 2 s is not allowed .* would have fallen"),
+        ("box/stack", {"mu": 0.2}, r"slope_deg = 15 is not allowed with mu = 0\.2: the tower would slide"),
+    ],
+)
+def test_balls_that_slip_and_towers_that_slide_and_boxes_that_fall_are_refused(
+    case_id: str, params: Mapping[str, Any], said: str
+) -> None:
+    case = get_case(case_id)
     with pytest.raises(ParameterError, match=said):
         case.build(resolve(case, params).params)
 

@@ -122,6 +122,15 @@ TRUTHS: tuple[tuple[str, Mapping[str, Any], str, float], ...] = (
     ("box/free", {}, "energy of a free rotation", 1.0),
     ("box/rocking", {}, "spin that rocking keeps", 1.0 - 1.5 * 0.2),
     ("box/rocking", {"rise": 0.8}, "largest turn of a rocking box", 0.8 * math.atan(0.5)),
+    ("box/carries-balls", {}, "distance of a box under balls", 0.5 * 0.7385 * 0.06**2),
+    ("box/carries-balls", {}, "speed of balls on a box", 2.0 / 7.0 * 0.7385 * 0.06),
+    ("box/stack", {}, "normal force under a tower", 60.0 * math.cos(math.radians(15.0))),
+    # (1 (-0.06) + 2 (-0.1))/6 aside, at a height of (3 (0.15) + 1 (0.4) + 2 (0.7))/6.
+    ("box/stack", {}, "centre of pressure under a tower", -0.26 / 6.0 + 2.25 / 6.0 * math.tan(math.radians(15.0))),
+    ("box/domino", {"share": 0.95}, "centre of pressure under a pushed box", 0.95 * 0.2),
+    ("box/domino", {"share": 0.9, "mu": 0.15}, "distance of a box that is pushed at its top", 0.5 * 0.3 * 0.08**2),
+    ("box/domino", {}, "distance of a box that is pushed at its top", math.nan),
+    ("box/spin", {}, "angle in which a spinning box stops", 3.0**2 / (2.0 * 9.0 / math.hypot(0.5, 0.35))),
     # Without friction by hand: (1 + e) v m/(1 + m (r x n) I^-1 (r x n)).
     ("box/corner-drop", {"mu": 0.0, "restitution": 0.5}, "normal impulse on a corner", 2.1303461653812623),
     ("contact/reopening", {"pair": "wall"}, "largest shear force", 1.0 * 2.0 * 0.5 * math.pi / 1e3),

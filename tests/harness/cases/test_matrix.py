@@ -64,7 +64,10 @@ ENGINES: Mapping[str, tuple[Engine, ...]] = {
     "spheres/saddle": (DEM,),
     "spheres/unequal": (DEM,),
     **{f"nurbs/{name}": (DEM,) for name in ("overlap", "collision", "settle", "rolling")},
-    **{f"box/{name}": (CD,) for name in ("incline", "stop", "free", "corner-drop", "rocking")},
+    **{
+        f"box/{name}": (CD,)
+        for name in ("incline", "stop", "free", "corner-drop", "rocking", "carries-balls", "stack", "domino", "spin")
+    },
 }
 LEAST = {
     "row/pushed": 7,

@@ -12,7 +12,7 @@ import pytest
 from ninedisk.core.history import History
 from ninedisk.core.law import SphereLaw
 from ninedisk.core.numerics import Numerics
-from ninedisk.core.scene import PlaneWall, Spheres, SphereScene
+from ninedisk.core.scene import BodyForce, PlaneWall, Spheres, SphereScene
 from ninedisk.harness.api.boxes import rotation_matrix
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import SupportLevel
@@ -184,12 +184,34 @@ def test_a_stack_of_boxes_and_a_ball_bears_what_statics_says(engine: str) -> Non
     np.testing.assert_allclose(history.v[-1], 0.0, atol=5e-3)
 
 
+@pytest.mark.parametrize("engine", OF_SEVERAL)
+def test_a_force_and_a_torque_act_along_the_axes_of_the_scene(engine: str) -> None:
+    """On a turned cube, whose moment of inertia has no direction, from inside one step to inside another."""
+    side, mass = 0.3, 3.0
+    box = Spheres(x=[[0.0, 0.0, 5.0]], mass=mass, half_sizes=[[side] * 3], quaternion=[[0.5, 0.1, -0.7, 0.5]])
+    force, torque = np.array([3.0, -1.0, 2.0]), np.array([0.2, -0.3, 0.1])
+    load = BodyForce(disk=0, force=tuple(force), torque=tuple(torque), begin=0.0032, end=0.0573)
+    scene = SphereScene(spheres=box, sphere_sphere=law(), walls=(floor(law()),), forces=(load,))
+    history = run(engine, scene, 20)
+    lasts, error = load.end - load.begin, 1e-9 + SINGLE.get(engine, 0.0)
+    np.testing.assert_allclose(history.v[-1, 0], force * lasts / mass, atol=error)
+    np.testing.assert_allclose(history.omega[-1, 0], torque * lasts / (mass * 2.0 * side**2 / 3.0), atol=error)
+
+
 @pytest.mark.parametrize("engine", ["drake-sap", "drake-lagged"])
 def test_drake_says_that_its_boxes_are_alone(engine: str) -> None:
     two = Spheres(x=[[0.0, 0.0, 0.3], [3.0, 0.0, 0.3]], mass=[1.0, 2.0], half_sizes=[HALF, HALF])
     answer = support_of(get_engine(engine), SphereScene(spheres=two, sphere_sphere=law()), Numerics(dt=DT, n_steps=1))
     assert answer.level is SupportLevel.NO
     assert "alone" in answer.notes[0]
+
+
+@pytest.mark.parametrize("engine", ["lammps", "liggghts", "yade", "esys-particle", "siconos", "dem", "kratos"])
+def test_engines_of_spheres_refuse_several_boxes(engine: str) -> None:
+    two = Spheres(x=[[0.0, 0.0, 0.3], [3.0, 0.0, 0.3]], mass=[1.0, 2.0], half_sizes=[HALF, HALF])
+    answer = support_of(get_engine(engine), SphereScene(spheres=two, sphere_sphere=law()), Numerics(dt=DT, n_steps=1))
+    assert answer.level is SupportLevel.NO
+    assert Capability.BOXES in answer.missing
 
 
 def test_mujoco_refuses_a_restitution_of_boxes() -> None:
