@@ -21,8 +21,8 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option, read_options
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Engine, EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.api.registry import get_engine
-from ninedisk.harness.engines.knobs import Knob
 from ninedisk.harness.results.schema import STOCK
 
 MOST_STEPS = 100_000

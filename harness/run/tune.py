@@ -15,9 +15,8 @@ from typing import Any
 from ninedisk.core.errors import CoreError
 from ninedisk.harness.api.case import Case, ParameterError
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.knobs import AtOwnSettings, Knob
 from ninedisk.harness.api.registry import STOCK_ENGINES, get_engine
-from ninedisk.harness.engines.knobs import Knob
-from ninedisk.harness.engines.stock import StockEngine
 from ninedisk.harness.results.schema import STOCK
 from ninedisk.harness.results.tables import CaseResult
 from ninedisk.harness.run.plan import Cell, plan_case
@@ -140,7 +139,7 @@ class Search:
 
     Parameters
     ----------
-    engine : StockEngine
+    engine : AtOwnSettings
     cell_of : callable
         The cell of a number of halvings and options.
     steps : sequence of float
@@ -153,7 +152,7 @@ class Search:
 
     def __init__(
         self,
-        engine: StockEngine,
+        engine: AtOwnSettings,
         cell_of: Callable[[int, Mapping[str, Any]], Cell],
         steps: Sequence[float],
         headline: str = "",
@@ -273,7 +272,7 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def stock_engine(engine_id: str) -> StockEngine:
+def stock_engine(engine_id: str) -> AtOwnSettings:
     """The engine at its own settings, by its id or that of the tuned one.
 
     Raises
@@ -289,8 +288,8 @@ def stock_engine(engine_id: str) -> StockEngine:
             f"{engine_id} has no stock settings here, from which changes could start; engines that have: {has}"
         )
     engine: Any = get_engine(found)
-    assert isinstance(engine, StockEngine)
-    return engine
+    own: AtOwnSettings = engine
+    return own
 
 
 STUDY: tuple[tuple[str, Mapping[str, Any], str], ...] = (
@@ -377,7 +376,7 @@ def tune(
         "variant": plan_case(case, stock.of, given).variant.id,
         "headline": headline,
         "engine": stock.of,
-        "engine_name": stock.tuned.info().name,
+        "engine_name": get_engine(stock.of).info().name,
         "engine_version": info.version or "",
         "headlines": [
             {"name": name, "use": row["use"], "scale_is": row["scale_is"]} for name, row in search.rows.items()
@@ -427,7 +426,7 @@ def _seconds(result: CaseResult) -> float:
 
 
 def _levels(
-    case: Case | str, stock: StockEngine, given: Mapping[str, Any], halvings: int
+    case: Case | str, stock: AtOwnSettings, given: Mapping[str, Any], halvings: int
 ) -> tuple[Callable[[int, Mapping[str, Any]], Cell], list[float]]:
     """Cells by halvings and options, and their steps: the case's own ``dt`` where it takes the engine's step, or steps within it."""
     plain = plan_case(case, stock.id, given)
@@ -438,7 +437,9 @@ def _levels(
 
     def by_dt(level: int, options: Mapping[str, Any]) -> Cell:
         sampled = stock.step / 2 ** min(level, SAMPLED)
-        return plan_case(case, stock.id, {**given, "dt": sampled}, {**options, f"{stock.id}.step": stock.step / 2**level})
+        return plan_case(
+            case, stock.id, {**given, "dt": sampled}, {**options, f"{stock.id}.step": stock.step / 2**level}
+        )
 
     if "dt" in known and "dt" not in given and "steps" not in known and _takes(by_dt, halvings):
         return by_dt, [stock.step / 2**level for level in range(halvings + 1)]

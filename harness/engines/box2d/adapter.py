@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ninedisk.core.options import PROFILE, Option
 from ninedisk.harness.api.capabilities import OF_RIGID, Capability
-from ninedisk.harness.engines.knobs import Knob
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}

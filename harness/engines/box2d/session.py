@@ -32,8 +32,8 @@ from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.box2d.adapter import KNOBS, OPTIONS
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import largest_extent, longest_path, top_speed, wall_reach
 from ninedisk.harness.engines.world import WorldSession, signed_angle
 

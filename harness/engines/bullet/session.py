@@ -36,9 +36,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.bullet.adapter import KNOBS, OPTIONS
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
 from ninedisk.harness.engines.package import product_factors
 from ninedisk.harness.engines.world import WorldSession, from_z, quaternion_of, signed_angle, three_components

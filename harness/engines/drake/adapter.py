@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
-from ninedisk.harness.engines.knobs import Knob
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.symmetry import OF_SLIP, no_contact_can_slip
 

@@ -12,10 +12,10 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.api.wall_path import moving_until
 from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, KNOBS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.world import finite_state, poses_of, write_contacts
 

@@ -10,8 +10,8 @@ import numpy as np
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.javascript.node import HOW_TO_INSTALL, npm_version
-from ninedisk.harness.engines.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, prescribed_spins
 from ninedisk.harness.engines.world import driven_spheres, partly_held
 

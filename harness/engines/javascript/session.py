@@ -26,11 +26,11 @@ from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.api.text import one_line
 from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.javascript.adapter import NodeEngine
 from ninedisk.harness.engines.javascript.node import FOLDER
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import largest_extent, longest_path, wall_reach
 from ninedisk.harness.engines.world import (
     WorldSession,

@@ -14,9 +14,9 @@ from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.javascript.adapter import NodeEngine, npm_facts
 from ninedisk.harness.engines.javascript.session import NodeSession
-from ninedisk.harness.engines.knobs import Knob
 
 OPTIONS = {
     "profile": PROFILE,

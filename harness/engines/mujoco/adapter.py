@@ -20,7 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
-from ninedisk.harness.engines.knobs import Knob
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 from ninedisk.harness.engines.world import partly_held
 

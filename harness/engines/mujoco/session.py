@@ -46,8 +46,8 @@ from ninedisk.core.scene import ContactLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes, quaternion_product, rotation_matrix
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import CORNERS, ContactSums
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import wall_reach
 from ninedisk.harness.engines.mujoco.adapter import KNOBS, OPTIONS
 from ninedisk.harness.engines.world import (

@@ -23,8 +23,8 @@ from ninedisk.harness.api.engine import (
     Support,
     run_session,
 )
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
-from ninedisk.harness.engines.knobs import Knob
 from ninedisk.harness.engines.process import package_version
 
 CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}

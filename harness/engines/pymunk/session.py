@@ -24,7 +24,7 @@ import pymunk
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
-from ninedisk.harness.engines.knobs import given_knobs, recorded_knobs
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
 from ninedisk.harness.engines.pymunk.adapter import KNOBS
 from ninedisk.harness.engines.world import WorldSession, signed_angle

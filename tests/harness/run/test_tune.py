@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from ninedisk.harness.api.errors import UsageError
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.cli.app import app
-from ninedisk.harness.engines.knobs import Knob
 from ninedisk.harness.run.runner import run_case
 from ninedisk.harness.run.tune import STUDY, Point, Search, Setting, cheapest, tune
 

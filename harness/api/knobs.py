@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import Option
+from ninedisk.harness.api.engine import EngineInfo
 from ninedisk.harness.results.schema import STOCK
 
 
@@ -36,6 +37,28 @@ class Knob(Option):
     def values(self) -> tuple[Any, ...]:
         """The engine's own value and the ladder."""
         return (self.default, *self.ladder)
+
+
+class AtOwnSettings(Protocol):
+    """An engine at its own settings, of which single ones can be changed; see `ninedisk.harness.engines.stock`."""
+
+    of: str
+    """Id of the tuned engine."""
+    step: float
+    """Its own step [s]."""
+    step_from: str
+    """Where that comes from."""
+
+    @property
+    def id(self) -> str:
+        """Id of the engine at its own settings."""
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Settings besides the step that a run may change."""
+
+    def info(self) -> EngineInfo:
+        """Facts about the engine."""
 
 
 def given_knobs(engine: str, knobs: Mapping[str, Knob], numerics: Numerics) -> dict[str, Any]:
