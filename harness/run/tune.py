@@ -8,7 +8,7 @@ target it puts knob after knob back to the engine's own value, as long as the ta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,6 +37,9 @@ SAMPLED = 3
 
 REPEATS = 3
 """Runs of an answer and of the engine's own settings in turn, whose least time counts."""
+
+CLOSE = 1.05
+"""Errors that differ by less are equal."""
 
 BETTER = 0.9
 """Error over the one before from which on a change of one knob is kept."""
@@ -408,12 +411,18 @@ def _answer(search: Search, target: float) -> dict[str, Any]:
     own = search.measure(0, {})
     refused = own.reason.startswith("unsupported")  # no knob makes a scene one that the engine can express
     found = None if refused else search.search(target)
-    closest = found or min(search.points.values(), key=lambda point: (math.isnan(point.error), point.error))
+    closest = found or _closest(search.points.values())
     if not own.reason:
         search.time_again(own.setting, closest.setting)
     own, closest = search.points[own.setting], search.points[closest.setting]
     times = closest.seconds / own.seconds if own.seconds > 0.0 else math.nan
     return {"target": target, "reached": found is not None, **closest.row, "times": times}
+
+
+def _closest(points: Collection[Point]) -> Point:
+    """Of the least errors, equal to a few per cent, the one with the fewest changes."""
+    least = min((point.error for point in points if point.error >= 0.0), default=math.nan)
+    return min(points, key=lambda point: (not point.error <= CLOSE * least, *_changes(point)))
 
 
 def _seconds(result: CaseResult) -> float:
