@@ -113,7 +113,22 @@ def test_pages_say_how_to_measure_what_is_not_stored(
 ) -> None:
     store = tmp_path / "store"
     write(store, "20260101T000000Z-000001", small())
-    write(store, "20260102T000000Z-000001", small(engine="dem-stock"))
+    of_stock = small(engine="dem-stock")
+    common = {
+        name: of_stock["measurements"][0][name]
+        for name in ("case", "variant", "params", "engine", "unit", "value", "expected")
+    }
+    measured = {
+        "headline": "distance",
+        "use": "sliding",
+        "quantity": "x",
+        "scale": 1.0,
+        "scale_is": "way",
+        "rel_error": 0.5,
+    }
+    write(
+        store, "20260102T000000Z-000001", {**of_stock, "headlines": [{**common, **measured, "source": "closed form"}]}
+    )
     build_report(store, tmp_path / "report")
     page = (tmp_path / "report" / "engine" / "dem.html").read_text()
     assert "Not measured. <code>ninedisk tune --all --engine dem</code>" in page

@@ -52,12 +52,12 @@ def test_ladders_lead_from_the_engines_own_value_through_allowed_ones(engine_id:
 @pytest.mark.parametrize("engine_id", STOCK_ENGINES)
 def test_values_declared_as_the_engines_own_are(engine_id: str) -> None:
     engine: Any = get_engine(engine_id)
-    scene = disk(0.2, speed=1.0, mu=0.3)
+    scene = disk(2.0, speed=1.0, mu=0.3)  # meets the floor at 6 m/s: a step ends in an overlap of 0.12 m
     plain = run(engine_id, scene)
     given = run(engine_id, scene, **{name: knob.default for name, knob in engine.knobs.items()})
     other = run(engine_id, scene, **{name: knob.ladder[0] for name, knob in engine.knobs.items()})
-    # Bullet keeps its damping as 0.04f, 9e-10 above 0.04: that fraction of 1 m/s for a second.
-    assert np.abs(given.x - plain.x).max() < (1e-8 if engine_id == "bullet-stock" else 1e-12)
+    # Bullet keeps its damping as 0.04f, 9e-10 above 0.04: at 6 m/s that takes 4e-8 m/s each second, and the time of the impact with it.
+    assert np.abs(given.x - plain.x).max() < (1e-6 if engine_id == "bullet-stock" else 1e-12)
     assert np.abs(other.x - plain.x).max() > 1e-6
 
 
