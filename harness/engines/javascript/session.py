@@ -215,7 +215,7 @@ class NodeSession(WorldSession):
             "gravity": three_components(unit * np.array(scene.gravity)),
             "stock": self.stock,
             "options": dict(options),
-            "given": self.given,
+            "given": dict(self.given),
             "touch": self.touch,
             "reach": unit * wall_reach(scene, numerics, self.engine),
             "thickness": 10.0 * unit * radius,
