@@ -61,6 +61,7 @@ from ninedisk.reports.panel.text import decoded
 from ninedisk.reports.panel.uses import uses
 from ninedisk.reports.stock import Profiles, by_profile
 from ninedisk.reports.studies import comparison_page
+from ninedisk.reports.tuning import curves
 
 Progress = Callable[[str, int, int], None]
 Picture = HistoryPanel | StackPanel | SceneView | Projection | Configuration
@@ -292,6 +293,7 @@ class CaseDrawing:
                 (each.plan, each.legend, [on_page(chart) for chart in each.charts]) for each in self.places
             ],
             "speed": on_page(self.speed) if self.speed else None,
+            "tuning": [(name, on_page(chart)) for name, chart in curves(self.panel, self.case.id, self.looks.engines)],
             "engine_looks": {
                 engine: look
                 for engine, look in self.looks.engines.items()

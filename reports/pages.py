@@ -54,6 +54,7 @@ from ninedisk.reports.panel.model import (
 from ninedisk.reports.panel.text import as_float, number, pair_shade, parameters, shade, symbol
 from ninedisk.reports.panel.uses import Use
 from ninedisk.reports.stock import Both
+from ninedisk.reports.tuning import of_engine as of_tuned
 
 HERE = Path(__file__).parent
 
@@ -379,6 +380,7 @@ def engine_page(
         cell_groups=groups,
         speed=speed,
         stock=stock,
+        tuning=of_tuned(panel, engine.id),
         overall=overall,
         rank=next((rank for rank in (*overall.ranks, *overall.little) if rank.engine == engine), None),
         declared=bool(findings) and not (ranked and ranked[-1].error > findings[0].size),

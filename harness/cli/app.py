@@ -27,6 +27,7 @@ from ninedisk.harness.cli import (
     site,
     solve,
     store,
+    tune,
     versions,
 )
 from ninedisk.harness.cli import list as listing
@@ -42,7 +43,7 @@ FIRST = (
 MORE = {
     "stored runs": ("show", "runs", "merge", "export", "prune"),
     "pages": ("dashboard", "site", "docs"),
-    "engines": ("request", "schema", "determinism", "versions"),
+    "engines": ("request", "schema", "determinism", "tune", "versions"),
     "contact problems": ("solve", "cd-problems"),
     "contact laws": ("law-test",),
     "this suite": ("selftest",),
@@ -115,6 +116,7 @@ for command in (
     selftest,
     site,
     store,
+    tune,
     versions,
 ):
     command.register(app)

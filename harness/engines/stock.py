@@ -1,8 +1,9 @@
-"""Engines as people use them: at their own step and settings, with nothing set but the physics.
+"""Engines as people use them: at their own step and settings, with nothing set but the physics, or with single settings changed.
 
 The profile ``tuned`` of an engine is what its adapter sets to come near to the physics. The profile ``stock`` leaves every setting at
 the engine's own default: step, iterations, margins, cone, solver. Both are engines of their own here, ``mujoco`` and ``mujoco-stock``,
-so that each has its rows, pages and history.
+so that each has its rows, pages and history. Options of ``mujoco-stock`` are its step and the knobs of the adapter: a setting that is given
+is changed, all others stay the engine's own (`ninedisk tune` looks for those that an accuracy takes).
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ import numpy as np
 
 from ninedisk.core.history import Pair
 from ninedisk.core.numerics import Numerics
+from ninedisk.core.options import Option, read_options
 from ninedisk.harness.api.capabilities import Capability
 from ninedisk.harness.api.engine import Difference, Engine, EngineInfo, EngineRun, Support, SupportLevel
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.api.registry import get_engine
 from ninedisk.harness.results.schema import STOCK
 
@@ -61,18 +64,29 @@ class StockEngine:
         return get_engine(self.of)
 
     def info(self) -> EngineInfo:
-        """Facts about the engine; it has no options."""
+        """Facts about the engine; its options are the step and the adapter's knobs."""
         facts = self.tuned.info()
         differences = {each: why for each, why in facts.differences.items() if each not in self.tuned_alone}
         return replace(
             facts,
             id=self.id,
             name=f"{facts.name} (stock)",
-            options={},
+            options=self._options,
             profile="stock",
             sweeps="",
             differences=differences,
         )
+
+    @property
+    def knobs(self) -> Mapping[str, Knob]:
+        """Settings besides the step that a run may change."""
+        found: Mapping[str, Knob] = getattr(self.tuned, "knobs", {})
+        return found
+
+    @cached_property
+    def _options(self) -> Mapping[str, Option]:
+        why = f"longest step [s] ({self.step_from}); a run takes the longest up to it that divide dt"
+        return {"step": Option(default=self.step, low_open=True, why=why), **self.knobs}
 
     def supports(self, scene: Any, numerics: Numerics) -> Support:
         """As the adapter; never better than approximate."""
@@ -88,16 +102,23 @@ class StockEngine:
                 notes=(f"it takes {steps:.2g} of the engine's own steps, at most {MOST_STEPS:g} are run",),
             )
         note = f"every setting is the engine's own, its step of {self.step:g} s included ({self.step_from})"
-        if numerics.dt < self.step:
+        if changed := [name for name in numerics.options if name.startswith(f"{self.id}.")]:
+            note = f"every other setting than {', '.join(changed)} is the engine's own"
+        if numerics.dt < self._longest(numerics):
             note += f"; samples each {numerics.dt:g} s ask for shorter steps"
         return Support(SupportLevel.APPROXIMATE, support.missing, (note, *support.notes))
 
     def run(self, scene: Any, numerics: Numerics, watch: Sequence[Pair]) -> EngineRun:
         """Run the scene; raises what the adapter raises."""
+        read_options(self.id, self._options, numerics)
         parts = self._parts(numerics)
         until = numerics.sample_until
         # Options of the tuned engine, in a run of both, are not this one's.
-        others = {name: value for name, value in numerics.options.items() if not name.startswith(f"{self.of}.")}
+        others = {
+            name: value
+            for name, value in numerics.options.items()
+            if not name.startswith(f"{self.of}.") and name != f"{self.id}.step"
+        }
         finer = numerics.replace(
             dt=numerics.dt / parts,
             n_steps=numerics.n_steps * parts,
@@ -114,7 +135,10 @@ class StockEngine:
 
     def _parts(self, numerics: Numerics) -> int:
         """Own steps in one ``dt``; round-off must not halve the engine's own step."""
-        return max(1, math.ceil(numerics.dt / self.step * (1.0 - 1e-12)))
+        return max(1, math.ceil(numerics.dt / self._longest(numerics) * (1.0 - 1e-12)))
+
+    def _longest(self, numerics: Numerics) -> float:
+        return float(numerics.options.get(f"{self.id}.step", self.step))
 
 
 ENGINES = (

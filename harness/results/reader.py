@@ -184,6 +184,32 @@ def read_determinism(store: Path) -> list[Row]:
     return found
 
 
+TUNING = ("case", "variant", "headline", "headlines", "engine", "engine_name", "own_step", "points", "tuned", "answers")
+"""What a record of ``ninedisk tune`` has."""
+
+
+def read_tuning(store: Path) -> list[Row]:
+    """Records of ``ninedisk tune --all``, one for each engine and case, as `ninedisk.harness.run.tune.tune` returns them.
+
+    Raises
+    ------
+    StoreError
+        If a file is damaged.
+    """
+    found: list[Row] = []
+    for path in sorted((store / "tune").glob("*.json")):
+        try:
+            for record in json.loads(path.read_text(encoding="utf-8")):
+                found.append({name: record[name] for name in TUNING})
+                if not record["points"]:
+                    raise ValueError("no points")
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise StoreError(
+                f"{str(path)!r} is damaged ({error}): measure again with `ninedisk tune --all --engine {path.stem}`, or remove it"
+            ) from error
+    return found
+
+
 def cell_key(row: Mapping[str, Any]) -> CellKey:
     """Case, variant and engine of a row."""
     return row["case"], row["variant"], row["engine"]

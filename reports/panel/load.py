@@ -19,6 +19,7 @@ from ninedisk.harness.results.reader import (
     read_determinism,
     read_rows,
     read_table,
+    read_tuning,
     run_ids,
     run_time,
 )
@@ -49,6 +50,8 @@ class Stored:
         The newest run against the one before, where whoever builds the report compared them.
     determinism : sequence of dict
         Rows of `ninedisk.harness.results.schema.DETERMINISM_COLUMNS`.
+    tuning : sequence of dict
+        Records of ``ninedisk tune --all``.
     """
 
     runs: list[Row]
@@ -62,6 +65,7 @@ class Stored:
     findings: Sequence[EvaluatedFinding] = ()
     changes: Comparison | None = None
     determinism: Sequence[Row] = ()
+    tuning: Sequence[Row] = ()
 
 
 def load_store(store: Path) -> Stored:
@@ -129,6 +133,7 @@ def load_store(store: Path) -> Stored:
         references=references,
         outdated=outdated,
         determinism=read_determinism(store),
+        tuning=read_tuning(store),
     )
 
 

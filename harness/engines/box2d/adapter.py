@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ninedisk.core.options import PROFILE, Option
 from ninedisk.harness.api.capabilities import OF_RIGID, Capability
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 
 CAPABILITIES = OF_RIGID | {Capability.DISK_INERTIA, Capability.MATERIALS, Capability.BODY_FORCES}
@@ -34,6 +35,26 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "velocity_iterations": Knob(
+        default=6, low=1, high=1e9, whole=True, ladder=(30, 100), dear=True, why="sweeps over the contacts' velocities"
+    ),
+    "position_iterations": Knob(
+        default=2, high=1e9, whole=True, ladder=(10,), dear=True, why="sweeps over the contacts' overlaps"
+    ),
+    "length_unit": Knob(
+        default=1.0,
+        low=1e-9,
+        high=1e9,
+        ladder=(0.1, 1e-2, 1e-3),
+        why="metres in Box2D's unit of length: its slop is 0.005 units, and impacts below 1 unit/s are plastic",
+    ),
+    "continuous": Knob(
+        default="on", choices=("on", "off"), ladder=("off",), why="bodies are moved back to the time of an impact"
+    ),
+}
+"""Settings under the profile stock."""
+
 
 FACTS = package_facts(
     "Box2D",
@@ -56,6 +77,7 @@ class Box2DEngine(RigidPackageEngine):
     session = "ninedisk.harness.engines.box2d.session:Box2DSession"
     distribution = "Box2D"
     facts = FACTS
+    knobs = KNOBS
 
 
 ENGINE = Box2DEngine()

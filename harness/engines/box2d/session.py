@@ -32,7 +32,8 @@ from ninedisk.core.options import read_options
 from ninedisk.core.scene import ContactLaw, Scene
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.engine import EngineError
-from ninedisk.harness.engines.box2d.adapter import OPTIONS
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
+from ninedisk.harness.engines.box2d.adapter import KNOBS, OPTIONS
 from ninedisk.harness.engines.lengths import largest_extent, longest_path, top_speed, wall_reach
 from ninedisk.harness.engines.world import WorldSession, signed_angle
 
@@ -93,13 +94,16 @@ class Box2DSession(WorldSession):
         options = read_options("box2d", OPTIONS, numerics)
         self.reach = wall_reach(scene, numerics, "Box2D")
         stock = options["box2d.profile"] == "stock"
-        self.units = units = Units(1.0, 1.0, 1.0) if stock else units_of(scene, numerics)
+        given = given_knobs("box2d", KNOBS, numerics) if stock else {}
+        options |= {f"box2d.{name}": value for name, value in given.items() if f"box2d.{name}" in options}
+        continuous = given.get("continuous", "on") == "on" if stock else False
+        self.units = units = Units(given.get("length_unit", 1.0), 1.0, 1.0) if stock else units_of(scene, numerics)
         extent = (largest_extent(scene) + longest_path(scene, numerics)) / units.length
         self.touch = 0.0 if stock else _TOUCH_ULPS * float(np.spacing(np.float32(extent)))
         self.iterations = options["box2d.velocity_iterations"], options["box2d.position_iterations"]
         gravity = np.array(scene.gravity) / units.velocity * units.time
         self.world = Box2D.b2World(gravity=_pair(gravity), doSleep=False)
-        self.world.continuousPhysics = stock
+        self.world.continuousPhysics = continuous
         self.world.warmStarting = True
         self.settings: dict[str, Any] = {
             **options,
@@ -112,10 +116,11 @@ class Box2DSession(WorldSession):
             "box2d.baumgarte": Box2D.b2_baumgarte,
             "box2d.touch": self.touch * units.length,
             "box2d.allow_sleep": False,
-            "box2d.continuous_physics": stock,
+            "box2d.continuous_physics": continuous,
             "box2d.warm_starting": True,
             "box2d.pair_coefficients": "the scene's own, set on each contact",
             "wall_half_length": self.reach,
+            **recorded_knobs("box2d", given),
         }
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]

@@ -16,6 +16,7 @@ from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 from ninedisk.harness.engines.world import partly_held
 
@@ -57,6 +58,29 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "iterations": Knob(
+        default=50, low=1, high=1e9, whole=True, ladder=(200, 1000), dear=True, why="numSolverIterations"
+    ),
+    "linear_damping": Knob(
+        default=0.04, high=1.0, ladder=(0.0,), why="c of the loss of velocity per second, c (1 + |v|) v"
+    ),
+    "angular_damping": Knob(default=0.04, high=1.0, ladder=(0.0,), why="the same of spins"),
+    "restitution_threshold": Knob(
+        default=0.2, high=1e9, ladder=(0.0,), why="restitutionVelocityThreshold [m/s]: slower impacts are plastic"
+    ),
+    "contact_erp": Knob(
+        default=0.2, high=1.0, ladder=(0.0,), why="part of an overlap that a step takes out as velocity"
+    ),
+    "breaking_threshold": Knob(
+        default=0.02,
+        high=1e9,
+        ladder=(1e-3, 1e-5),
+        why="contactBreakingThreshold [m]: gap up to which contacts are kept",
+    ),
+}
+"""Settings under the profile stock."""
+
 MAX_FRICTION = 10.0
 """Bullet caps the coefficient of a pair here."""
 
@@ -85,6 +109,7 @@ class BulletEngine(RigidPackageEngine):
     capabilities_3d = CAPABILITIES_3D
     distribution = "pybullet"
     facts = FACTS
+    knobs = KNOBS
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """A friction that Bullet would cap in silence; bodies that are held in part."""

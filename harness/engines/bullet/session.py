@@ -36,8 +36,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import ContactSums
-from ninedisk.harness.engines.bullet.adapter import OPTIONS
+from ninedisk.harness.engines.bullet.adapter import KNOBS, OPTIONS
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
 from ninedisk.harness.engines.package import product_factors
 from ninedisk.harness.engines.world import WorldSession, from_z, quaternion_of, signed_angle, three_components
@@ -46,6 +47,15 @@ ENGINE_VERSION = version("pybullet")
 
 OWN = "Bullet's own"
 """A setting that a stock run leaves alone."""
+
+PARAMETERS = {
+    "iterations": "numSolverIterations",
+    "restitution_threshold": "restitutionVelocityThreshold",
+    "contact_erp": "contactERP",
+    "breaking_threshold": "contactBreakingThreshold",
+}
+DAMPINGS = {"linear_damping": "linearDamping", "angular_damping": "angularDamping"}
+"""Bullet's own names of the adapter's knobs, of the world and of a body."""
 
 _UNLIMITED = 1e30
 """Limit [m/s, rad/s] of a body's velocities; Bullet's own is 100."""
@@ -85,8 +95,11 @@ class BulletSession(WorldSession):
         self.undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "maxJointVelocity": _UNLIMITED}
         if stock:  # what a script leaves alone
             parameters = {"numSolverIterations": options["bullet.iterations"], "deterministicOverlappingPairs": 1}
-            self.undamped = {}
+            given = given_knobs("bullet", KNOBS, numerics)
+            parameters |= {PARAMETERS[name]: value for name, value in given.items() if name in PARAMETERS}
+            self.undamped = {DAMPINGS[name]: value for name, value in given.items() if name in DAMPINGS}
             options = {name: options[name] for name in ("bullet.profile", "bullet.iterations")}
+            options |= recorded_knobs("bullet", given)
         self.settings: dict[str, Any] = {
             **options,
             **{f"bullet.{name}": value for name, value in parameters.items()},

@@ -17,6 +17,7 @@ from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.world import driven_spheres, partly_held
 
@@ -51,6 +52,23 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "solver": Knob(
+        default="dantzig",
+        choices=("dantzig", "nsgs"),
+        ladder=("nsgs",),
+        dear=True,
+        why="solver of the contacts' problem",
+    ),
+    "split_impulse": Knob(
+        default="off", choices=("off", "on"), ladder=("on",), why="overlaps are taken out without leaving momentum"
+    ),
+    "collision_detector": Knob(
+        default="fcl", choices=("fcl", "ode", "bullet", "dart"), ladder=("dart",), why="DART's own has closed forms"
+    ),
+}
+"""Settings under the profile stock."""
+
 
 FACTS = package_facts(
     "dartpy",
@@ -79,6 +97,7 @@ class DartEngine(RigidPackageEngine):
     capabilities_3d = OF_RIGID_SPHERES | {Capability.BODY_FORCES_3D, Capability.BOXES}
     distribution = "dartpy"
     facts = FACTS
+    knobs = KNOBS
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """What the smaller of two coefficients, and a body without the rotation's degree of freedom, cannot express."""

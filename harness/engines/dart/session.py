@@ -27,8 +27,9 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes, rotation_matrix
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import ContactSums
-from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, OPTIONS
+from ninedisk.harness.engines.dart.adapter import FORCE_MIXING, KNOBS, OPTIONS
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
 from ninedisk.harness.engines.package import product_factors
 from ninedisk.harness.engines.world import (
@@ -69,6 +70,9 @@ class DartSession(WorldSession):
         super().__init__(scene, numerics, pairs)
         options = read_options("dart", OPTIONS, numerics)
         stock = options["dart.profile"] == "stock"
+        given = given_knobs("dart", KNOBS, numerics) if stock else {}
+        options |= {f"dart.{name}": given[name] for name in ("solver", "collision_detector") if name in given}
+        split = given.get("split_impulse", "off") == "on" if stock else True
         self.touch = 0.0 if stock else touch_length(scene, numerics, "DART")
         self.solid = has_boxes(scene)
         self.reach = wall_reach(scene, numerics, "DART") if self.solid else 0.0
@@ -76,13 +80,14 @@ class DartSession(WorldSession):
         tolerance, most = (BOX_TOLERANCE, BOX_SWEEPS) if self.solid else (SWEEP_TOLERANCE, MAX_SWEEPS)
         self.settings: dict[str, Any] = {
             **options,
-            "dart.split_impulse": not stock,
+            "dart.split_impulse": split,
             "dart.deactivation": False,
             "dart.constraint_force_mixing": FORCE_MIXING,
             "dart.touch": self.touch,
             **({"dart.tolerance": tolerance, "dart.max_sweeps": most} if sweeps else {}),
             "dart.friction_of_a_pair": "the smaller one",
             "dart.restitution_of_a_pair": "product",
+            **recorded_knobs("dart", given),
         }
         self.world = dartpy.simulation.World("ninedisk")
         self.world.setTimeStep(self.dt)
@@ -94,7 +99,7 @@ class DartSession(WorldSession):
         solver.setCollisionDetector(DETECTORS[options["dart.collision_detector"]]())
         if sweeps:  # dantzig is DART's default, and Python cannot construct another one
             solver.setBoxedLcpSolver(_gauss_seidel(tolerance, most))
-        solver.setSplitImpulseEnabled(not stock)
+        solver.setSplitImpulseEnabled(split)
         alone = len(scene.bodies) < 2
         bounce = product_factors(
             None if alone else scene.law_of_bodies.restitution or 0.0,

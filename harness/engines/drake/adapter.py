@@ -20,6 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import Capability, capabilities_needed
 from ninedisk.harness.api.engine import Difference, Support, SupportLevel
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import PackageEngine, RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.symmetry import OF_SLIP, no_contact_can_slip
 
@@ -96,6 +97,32 @@ DISCRETE_OPTIONS: Mapping[str, Mapping[str, Option]] = {
     },
 }
 
+STIFFNESS = Knob(
+    default=1e6,
+    low_open=True,
+    high=1e15,
+    ladder=(1e7, 1e8, 1e9),
+    why="point_stiffness of each geometry [N/m]; two act in series",
+)
+
+KNOBS: Mapping[str, Mapping[str, Knob]] = {
+    "drake-sap": {
+        "near_rigid_threshold": Knob(
+            default=1.0, high=1e6, ladder=(0.1, 0.0), why="contacts that respond within a step are made softer below it"
+        ),
+        "relaxation_time": Knob(default=0.1, high=1e6, ladder=(0.01, 0.0), why="dissipation of a contact [s]"),
+        "stiffness": STIFFNESS,
+    },
+    "drake-lagged": {
+        "stiction_tolerance": Knob(
+            default=1e-4, low=1e-12, high=1.0, ladder=(1e-5, 1e-6, 1e-7), why="slip velocity [m/s] of full friction"
+        ),
+        "dissipation": Knob(default=50.0, high=1e12, ladder=(1e3, 1e4), why="Hunt and Crossley's [s/m]"),
+        "stiffness": STIFFNESS,
+    },
+}
+"""Settings under the profile stock."""
+
 
 class DrakeEngine(PackageEngine):
     """Adapter of Drake's continuous plant."""
@@ -161,6 +188,7 @@ class DrakeDiscreteEngine(RigidPackageEngine):
         self, engine_id: str, name: str, session: str, scheme: str, model: str, *, dilates: bool, friction_lags: bool
     ) -> None:
         self.id, self.model = engine_id, model
+        self.knobs = KNOBS[engine_id]
         differences = {Difference.KEEPS_KN: "contacts have the scene's stiffness"}
         if friction_lags:
             differences[Difference.FRICTION_LAGS] = "Drake's lagged approximation"

@@ -12,8 +12,9 @@ from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.scene import Scene, SphereScene
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.api.wall_path import moving_until
-from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, OPTIONS, shares_in_series
+from ninedisk.harness.engines.drake.adapter import DISCRETE_OPTIONS, KNOBS, OPTIONS, shares_in_series
 from ninedisk.harness.engines.drake.world import ENGINE_VERSION, DrakeWorld, Surfaces
 from ninedisk.harness.engines.lengths import touch_length
 from ninedisk.harness.engines.world import finite_state, poses_of, write_contacts
@@ -95,6 +96,10 @@ class DrakeSession:
             self.world.drive(k, here[k], (there[k] - here[k]) / (end - begin))
 
 
+MATERIAL = {"stiffness": "point_stiffness", "dissipation": "dissipation"}
+"""Drake's own names of the knobs that are properties of a surface."""
+
+
 class SapSession:
     """Discrete plant; walls rest."""
 
@@ -107,6 +112,8 @@ class SapSession:
         between = None if len(scene.bodies) < 2 else 0.5 * scene.law_of_bodies.mu
         friction = shares_in_series(between, [0.5 * wall.law.mu for wall in scene.walls])
         stock = options[f"{engine}.profile"] == "stock"
+        given = given_knobs(engine, KNOBS[engine], numerics) if stock else {}
+        options |= {f"{engine}.{name}": value for name, value in given.items() if f"{engine}.{name}" in options}
         touch = 0.0 if stock else touch_length(scene, numerics, "Drake")
         self.poses, self.angle = poses_of(scene), np.zeros_like(scene.bodies.omega)
         self.centres = np.array(scene.bodies.x)
@@ -117,7 +124,8 @@ class SapSession:
                 stiffness=None if stock else stiffness_shares(scene),
                 friction=friction,
                 dissipation=options.get(f"{engine}.dissipation", 0.0),
-                relaxation_time=options.get(f"{engine}.relaxation_time"),
+                relaxation_time=given.get("relaxation_time") if stock else options.get(f"{engine}.relaxation_time"),
+                changed={MATERIAL[name]: value for name, value in given.items() if name in MATERIAL},
             ),
             approximation=self.approximation,
             stiction_tolerance=options.get(f"{engine}.stiction_tolerance"),
@@ -133,6 +141,7 @@ class SapSession:
             f"{engine}.touch": touch,
             f"{engine}.friction_of_a_pair": "harmonic mean",
             **({f"{engine}.{name}": "Drake's own" for name in ("dissipation", "relaxation_time")} if stock else {}),
+            **recorded_knobs(engine, given),
         }
 
     def warm_up(self) -> None:

@@ -11,8 +11,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,19 +63,23 @@ class Surfaces(NamedTuple):
 
     ``stiffness`` [N/m] and ``friction`` [-] are the shares of `shares_in_series`; without stiffness, contacts have Drake's own, with its
     own dissipation. ``dissipation`` [s/m] is Hunt and Crossley's, ``relaxation_time`` [s] that of SAP (None: not used).
+    ``changed`` holds what `AddContactMaterial` gets of contacts with Drake's own stiffness.
     """
 
     stiffness: tuple[float, list[float]] | None
     friction: tuple[float, list[float]]
     dissipation: float = 0.0
     relaxation_time: float | None = None
+    changed: Mapping[str, float] = MappingProxyType({})
 
     def properties(self, wall: int | None) -> Any:
         """Drake's properties of a disk (None) or of a wall."""
         mu, properties = _share(self.friction, wall), ProximityProperties()
         friction = CoulombFriction(mu, mu)
         if self.stiffness is None:
-            AddContactMaterial(friction=friction, properties=properties)
+            AddContactMaterial(friction=friction, properties=properties, **self.changed)
+            if self.relaxation_time is not None:
+                properties.AddProperty("material", "relaxation_time", self.relaxation_time)
             return properties
         AddContactMaterial(
             dissipation=self.dissipation,

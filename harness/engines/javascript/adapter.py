@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,16 @@ import numpy as np
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.engine import EngineInfo
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.javascript.node import HOW_TO_INSTALL, npm_version
 from ninedisk.harness.engines.package import RigidPackageEngine, prescribed_spins
 from ninedisk.harness.engines.world import driven_spheres, partly_held
 
 
 class NodeEngine(RigidPackageEngine):
-    """Adapter of an engine that is an npm package; a subclass gives `id`, `facts`, `session` and `distribution` (the package)."""
+    """Adapter of an engine that is an npm package; a subclass gives `id`, `facts`, `session`, `distribution` (the package) and `knobs`."""
+
+    knobs: Mapping[str, Knob]
 
     def installed(self) -> tuple[str | None, str]:
         """Version of the npm package."""

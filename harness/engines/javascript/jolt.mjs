@@ -28,7 +28,17 @@ export async function open(load, given) {
   const numbers = (v) => [v.GetX(), v.GetY(), v.GetZ()];
   world.SetGravity(vector(given.gravity));
 
+  const knobs = given.given; // of a stock run
   const own = world.GetPhysicsSettings();
+  const members = {
+    velocity_steps: "mNumVelocitySteps",
+    position_steps: "mNumPositionSteps",
+    restitution_threshold: "mMinVelocityForRestitution",
+    penetration_slop: "mPenetrationSlop",
+    speculative_distance: "mSpeculativeContactDistance",
+  };
+  for (const [name, member] of Object.entries(members)) if (name in knobs) own[member] = knobs[name];
+  if (Object.keys(knobs).length) world.SetPhysicsSettings(own);
   if (!stock) {
     own.mNumVelocitySteps = options.velocity_steps;
     own.mNumPositionSteps = options.position_steps;
@@ -53,12 +63,14 @@ export async function open(load, given) {
       made.mAllowSleeping = false;
       made.mApplyGyroscopicForce = true;
     }
+    if ("damping" in knobs) made.mLinearDamping = made.mAngularDamping = knobs.damping;
     change(made);
     const body = making.CreateBody(made);
     making.AddBody(body.GetID(), Jolt.EActivation_Activate);
     return body;
   }
-  const skin = (half) => (stock ? Math.min(0.05, 0.5 * Math.min(...half)) : 0);
+  const rounded = knobs.convex_radius ?? 0.05;
+  const skin = (half) => (stock ? Math.min(rounded, 0.5 * Math.min(...half)) : 0);
   const box = (half) => new Jolt.BoxShape(vector(half), skin(half));
   const number = new Map();
   const made = bodies.map((body, i) => {
@@ -89,7 +101,7 @@ export async function open(load, given) {
     let shape;
     if (wall.moving) {
       const half = [given.reach, given.reach, thick];
-      const settings = new Jolt.BoxShapeSettings(vector(half), stock ? 0.05 : 0.5 * thick);
+      const settings = new Jolt.BoxShapeSettings(vector(half), stock ? rounded : 0.5 * thick);
       shape = new Jolt.RotatedTranslatedShapeSettings(vector([0, 0, -thick]), turn([0, 0, 0, 1]), settings).Create().Get();
     } else shape = new Jolt.PlaneShape(new Jolt.Plane(vector([0, 0, 1]), 0), null, given.reach);
     const rests = wall.moving ? Jolt.EMotionType_Kinematic : Jolt.EMotionType_Static;
@@ -119,10 +131,10 @@ export async function open(load, given) {
   ];
   const settings = Object.fromEntries(names.map((name) => [name, world.GetPhysicsSettings()[name]]));
   const plain = new Jolt.BodyCreationSettings();
-  const damped = (name) => (stock ? plain[name] : 0);
+  const damped = (name) => (stock ? (knobs.damping ?? plain[name]) : 0);
   Object.assign(settings, { mLinearDamping: damped("mLinearDamping"), mAngularDamping: damped("mAngularDamping") });
   settings.mApplyGyroscopicForce = !stock;
-  settings.convex_radius_of_boxes = stock ? "0.05, at most half of the smallest half size" : 0;
+  settings.convex_radius_of_boxes = stock ? `${rounded}, at most half of the smallest half size` : 0;
   settings.inertia_set_again_by_SetInverseInertia = !stock;
 
   return {

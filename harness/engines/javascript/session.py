@@ -15,6 +15,7 @@ import subprocess
 import weakref
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.api.text import one_line
 from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.javascript.adapter import NodeEngine
@@ -56,6 +58,9 @@ class NodeSession(WorldSession):
 
     adapter: NodeEngine
     module: str
+    given: Mapping[str, Any] = MappingProxyType({})
+    recorded: Mapping[str, Any] = MappingProxyType({})
+    """Knobs that a stock run sets."""
     cpu_seconds = 0.0
     """Of the steps, in the engine's process."""
 
@@ -66,7 +71,9 @@ class NodeSession(WorldSession):
         options = read_options(name, self.adapter.facts.options, numerics)
         self.stock = options[f"{name}.profile"] == "stock"
         if self.stock:
+            self.given = given_knobs(name, self.adapter.knobs, numerics)
             options = {f"{name}.profile": "stock"}
+            self.recorded = recorded_knobs(name, self.given)
         radii = scene.bodies.radius
         self.unit = 2.0 ** -round(math.log2(float(radii.mean()))) if len(radii) and not self.stock else 1.0
         self.solid = has_boxes(scene)
@@ -84,6 +91,7 @@ class NodeSession(WorldSession):
         made = self._ask(world)
         self.settings: dict[str, Any] = {
             **options,
+            **self.recorded,
             **{f"{name}.{key}": value for key, value in made["settings"].items()},
             f"{name}.lengths_per_metre": self.unit,
             f"{name}.touch": world["touch"] / self.unit,
@@ -206,6 +214,7 @@ class NodeSession(WorldSession):
             "gravity": three_components(unit * np.array(scene.gravity)),
             "stock": self.stock,
             "options": dict(options),
+            "given": dict(self.given),
             "touch": self.touch,
             "reach": unit * wall_reach(scene, numerics, self.engine),
             "thickness": 10.0 * unit * radius,

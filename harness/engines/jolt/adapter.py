@@ -14,6 +14,7 @@ from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.javascript.adapter import NodeEngine, npm_facts
 from ninedisk.harness.engines.javascript.session import NodeSession
 
@@ -27,6 +28,31 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "velocity_steps": Knob(
+        default=10,
+        low=2,
+        high=255,
+        whole=True,
+        ladder=(30, 100),
+        dear=True,
+        why="mNumVelocitySteps, sweeps of the solver",
+    ),
+    "position_steps": Knob(
+        default=2, low=1, high=255, whole=True, ladder=(10,), dear=True, why="mNumPositionSteps, sweeps over overlaps"
+    ),
+    "damping": Knob(default=0.05, high=1.0, ladder=(0.0,), why="linear and angular damping of a body [1/s]"),
+    "restitution_threshold": Knob(
+        default=1.0, high=1e9, ladder=(0.0,), why="mMinVelocityForRestitution [m/s]: slower impacts are plastic"
+    ),
+    "penetration_slop": Knob(default=0.02, high=1e3, ladder=(1e-3, 1e-5), why="overlap that is left [m]"),
+    "speculative_distance": Knob(
+        default=0.02, high=1e3, ladder=(1e-3, 1e-5), why="gap from which on contacts are made [m]"
+    ),
+    "convex_radius": Knob(default=0.05, high=1e3, ladder=(0.005, 0.0), why="by which edges of boxes are rounded [m]"),
+}
+"""Settings under the profile stock."""
+
 
 class JoltEngine(NodeEngine):
     """Adapter of Jolt."""
@@ -34,6 +60,7 @@ class JoltEngine(NodeEngine):
     id = "jolt"
     session = "ninedisk.harness.engines.jolt.adapter:JoltSession"
     distribution = "jolt-physics"
+    knobs = KNOBS
     capabilities_3d = OF_RIGID_SPHERES | {Capability.BODY_FORCES_3D, Capability.BOXES}
     facts = npm_facts(
         "jolt-physics",

@@ -20,6 +20,7 @@ from ninedisk.core.scene import Scene, SphereScene
 from ninedisk.harness.api.boxes import has_boxes
 from ninedisk.harness.api.capabilities import OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts
 from ninedisk.harness.engines.world import partly_held
 
@@ -105,6 +106,30 @@ OPTIONS = {
     "iterations": Option(default=100, low=1, high=1e6, whole=True, why="Newton's method takes two or three"),
 }
 
+KNOBS = {
+    "cone": Knob(
+        default="pyramidal",
+        choices=("pyramidal", "elliptic"),
+        ladder=("elliptic",),
+        why="shape of the friction cone",
+    ),
+    "impratio": Knob(
+        default=1.0, low=1e-3, high=1e9, ladder=(10.0, 100.0, 1e4), why="impedance of friction over that of the normal"
+    ),
+    "solref_time": Knob(
+        default=0.02,
+        low=1e-6,
+        high=1e3,
+        ladder=(0.01, 0.004),
+        why="time constant of contacts [s] (solref); MuJoCo takes two of its steps at least",
+    ),
+    "impedance": Knob(default=0.9, low=1e-4, high=0.9999, ladder=(0.99, 0.9999), why="smallest of solimp, and largest"),
+    "noslip_iterations": Knob(
+        default=0, high=1e6, whole=True, ladder=(10,), dear=True, why="sweeps of the solver that takes slip out"
+    ),
+}
+"""Settings under the profile stock; a larger impedance than 0.95 is that of any overlap."""
+
 
 MOST_PAIRS = 1_000_000
 """Of disks: 1,400 of them; a model of half as many pairs takes a gigabyte."""
@@ -137,6 +162,7 @@ class MuJoCoEngine(RigidPackageEngine):
     capabilities_3d = CAPABILITIES_3D
     distribution = "mujoco"
     facts = FACTS
+    knobs = KNOBS
 
     def refusals(self, scene: Scene | SphereScene, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002
         """More pairs than a model can hold: the friction that does not open contacts is a setting of explicit pairs alone."""

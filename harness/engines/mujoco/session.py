@@ -46,9 +46,10 @@ from ninedisk.core.scene import ContactLaw
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes, quaternion_product, rotation_matrix
 from ninedisk.harness.api.engine import EngineError
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import CORNERS, ContactSums
 from ninedisk.harness.engines.lengths import wall_reach
-from ninedisk.harness.engines.mujoco.adapter import OPTIONS
+from ninedisk.harness.engines.mujoco.adapter import KNOBS, OPTIONS
 from ninedisk.harness.engines.world import (
     driven_spheres,
     finite_state,
@@ -100,6 +101,8 @@ class MuJoCoSession:
         impedance = self.options["mujoco.impedance"]
         self.slip_damping = impedance * self.options["mujoco.slip_damping"] / self.h
         self.stock = self.options["mujoco.profile"] == "stock"
+        self.given = given_knobs("mujoco", KNOBS, numerics) if self.stock else {}
+        self.options["mujoco.cone"] = self.given.get("cone", self.options["mujoco.cone"])
         pyramid = self.options["mujoco.cone"] == "pyramidal"
         # MuJoCo's ratio of the impedances of friction and of the normal is that of the edges' here, which are both.
         impratio = 1.0 if pyramid else (1.0 - impedance) / impedance / self.options["mujoco.slip_compliance"]
@@ -116,13 +119,14 @@ class MuJoCoSession:
             "mujoco.pair_friction": "the scene's own, explicit contact pairs",
         }
         if self.stock:
-            impratio = 1.0
+            impratio = self.given.get("impratio", 1.0)
             self.settings = {
                 "mujoco.profile": "stock",
                 "mujoco.timestep": self.h,
                 **{f"mujoco.{name}": self.options[f"mujoco.{name}"] for name in ("cone", "tolerance", "iterations")},
                 "mujoco.solref, solimp, margin, gap, impratio, integrator, solver": "MuJoCo's own",
                 "mujoco.pair_friction": "the scene's own, explicit contact pairs",
+                **recorded_knobs("mujoco", self.given),
             }
         self.model = self._model(impratio)
         self.data = mujoco.MjData(self.model)
@@ -347,6 +351,7 @@ class MuJoCoSession:
         option.impratio = impratio
         option.tolerance = options["mujoco.tolerance"]
         option.iterations = options["mujoco.iterations"]
+        option.noslip_iterations = self.given.get("noslip_iterations", 0)
         # A state that is no longer finite must be seen; MuJoCo would begin again from the initial one.
         option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         spec.compiler.boundmass = spec.compiler.boundinertia = 0.0
@@ -452,11 +457,22 @@ class MuJoCoSession:
         resistances = [each / per_length for each in (twisting, rolling, rolling)]
         return 6 if rolling else 4 if twisting else 3 if law.mu else 1, [law.mu, law.mu, *resistances]
 
+    def _softness(self) -> dict[str, Any]:
+        """What a stock run changes of MuJoCo's own solref and solimp."""
+        changed: dict[str, Any] = {}
+        if "solref_time" in self.given:
+            changed["solref"] = [self.given["solref_time"], 1.0]
+        if "impedance" in self.given:
+            least = self.given["impedance"]
+            changed["solimp"] = [least, max(least, 0.95), 0.001, 0.5, 2.0]
+        return changed
+
     def _add_pair(self, spec: Any, pair: Pair) -> None:
         law, impedance = self.scene.law(pair), self.options["mujoco.impedance"]
         condim, friction = self.friction(law, pair)
         if self.stock:
-            spec.add_pair(geomname1=_name(pair[0]), geomname2=_name(pair[1]), condim=condim, friction=friction)
+            names = {"geomname1": _name(pair[0]), "geomname2": _name(pair[1])}
+            spec.add_pair(**names, condim=condim, friction=friction, **self._softness())
             return
         normal, shear = self.contacts_at_once(pair)
         spec.add_pair(

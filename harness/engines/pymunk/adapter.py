@@ -23,6 +23,7 @@ from ninedisk.harness.api.engine import (
     Support,
     run_session,
 )
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.engines.process import package_version
 
@@ -47,6 +48,26 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "iterations": Knob(
+        default=10,
+        low=1,
+        high=1e9,
+        whole=True,
+        ladder=(30, 100),
+        dear=True,
+        why="sweeps of the solver over all contacts",
+    ),
+    "collision_slop": Knob(default=0.1, high=1e9, ladder=(1e-2, 1e-3, 1e-6), why="overlap that is left [m]"),
+    "collision_bias": Knob(
+        default=0.9**60, high=1.0, ladder=(1e-6, 0.0), why="part of an overlap that is left after a second"
+    ),
+    "collision_persistence": Knob(
+        default=3, low=1, high=1e9, whole=True, ladder=(1,), why="steps for which an open contact is remembered"
+    ),
+}
+"""Settings under the profile stock."""
+
 RIGID_BODIES = "https://chipmunk-physics.net/release/ChipmunkLatest-Docs/"
 """Of Chipmunk, pymunk's library: states that bodies are rigid and that collisions are solved by impulses."""
 
@@ -56,6 +77,7 @@ class PymunkEngine:
 
     id = "pymunk"
     distribution = "pymunk"
+    knobs = KNOBS
 
     def info(self) -> EngineInfo:
         """Facts about the installed pymunk; does not import it."""

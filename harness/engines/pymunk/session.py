@@ -24,7 +24,9 @@ import pymunk
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
+from ninedisk.harness.engines.pymunk.adapter import KNOBS
 from ninedisk.harness.engines.world import WorldSession, signed_angle
 
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
@@ -46,6 +48,9 @@ class PymunkSession(WorldSession):
         self.space.gravity = scene.gravity
         self.space.iterations = options["pymunk.iterations"]
         self.space.collision_bias = options["pymunk.collision_bias"]
+        given = given_knobs("pymunk", KNOBS, numerics) if stock else {}
+        for name, value in given.items():
+            setattr(self.space, name, value)
         if not stock:
             self.space.collision_slop = self.touch
         # Chipmunk keeps the impulses of a contact that opened, and adds those of the next touch to them: reported forces, and the
@@ -58,6 +63,7 @@ class PymunkSession(WorldSession):
             "pymunk.collision_persistence": self.space.collision_persistence,
             "pymunk.damping": self.space.damping,
             "wall_half_length": self.reach,
+            **recorded_knobs("pymunk", given),
         }
         self.walls = [self._wall(k) for k in range(len(scene.walls))]
         self.disks = [self._disk(i) for i in range(len(scene.disks))]
