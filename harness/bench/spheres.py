@@ -115,7 +115,8 @@ def _problem_of_size(n: int, names: list[str], notify: Callable[[int, int], None
         most, work = (MOST_STEPS_SHORT, WORK_SHORT) if short else (MOST_STEPS, WORK)
         steps = min(most, max(FEWEST_STEPS, work // n))
         skin = SKIN * float(scene.spheres.radius.mean())
-        chosen, classes = without_dashpots(scene) if name.endswith(UNDAMPED) else scene, ()
+        chosen = without_dashpots(scene) if name.endswith(UNDAMPED) else scene
+        classes: tuple[float, ...] = ()
         if name.startswith(MIXED):
             ratio = int(name.split("-")[1])
             chosen, classes = with_large_ones(scene, ratio), (float(scene.spheres.radius.max()),)

@@ -14,6 +14,7 @@ from ninedisk.core.options import PROFILE, Option
 from ninedisk.core.scene import SphereScene
 from ninedisk.harness.api.capabilities import OF_RIGID, OF_RIGID_SPHERES, Capability
 from ninedisk.harness.api.engine import Difference
+from ninedisk.harness.api.knobs import Knob
 from ninedisk.harness.engines.package import RigidPackageEngine, package_facts, prescribed_spins
 from ninedisk.harness.engines.sapien.channels import MOST_PAIRS, pairs_of_classes
 from ninedisk.harness.engines.world import partly_held
@@ -58,6 +59,24 @@ OPTIONS = {
     ),
 }
 
+KNOBS = {
+    "position_iterations": Knob(
+        default=10, low=1, high=255, whole=True, ladder=(30, 100), dear=True, why="sweeps over overlaps and velocities"
+    ),
+    "velocity_iterations": Knob(
+        default=1, high=255, whole=True, ladder=(10, 50), dear=True, why="sweeps over velocities after those"
+    ),
+    "solver": Knob(default="tgs", choices=("pgs", "tgs"), ladder=("pgs",), why="temporal or projected Gauss-Seidel"),
+    "bounce_threshold": Knob(default=2.0, high=1e9, ladder=(0.2, 0.0), why="slower impacts are plastic [m/s]"),
+    "contact_offset": Knob(
+        default=0.01,
+        low=1e-7,
+        high=1e3,
+        ladder=(1e-3, 1e-4),
+        why="gap of each body from which on contacts are made [m]",
+    ),
+}
+"""Settings under the profile stock."""
 
 FACTS = package_facts(
     "sapien",
@@ -87,6 +106,7 @@ class SapienEngine(RigidPackageEngine):
     session = "ninedisk.harness.engines.sapien.session:SapienSession"
     capabilities_3d = CAPABILITIES_3D
     distribution = "sapien"
+    knobs = KNOBS
     facts = FACTS
 
     def refusals(self, scene: Any, numerics: Numerics) -> Sequence[str]:  # noqa: ARG002

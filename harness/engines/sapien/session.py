@@ -33,9 +33,10 @@ from ninedisk.core.numerics import Numerics
 from ninedisk.core.options import read_options
 from ninedisk.core.validate import FloatArray
 from ninedisk.harness.api.boxes import has_boxes
+from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
 from ninedisk.harness.engines.boxes import ContactSums
 from ninedisk.harness.engines.lengths import largest_extent, longest_path, wall_reach
-from ninedisk.harness.engines.sapien.adapter import OPTIONS
+from ninedisk.harness.engines.sapien.adapter import KNOBS, OPTIONS
 from ninedisk.harness.engines.sapien.channels import class_of, surfaces
 from ninedisk.harness.engines.world import (
     WorldSession,
@@ -75,7 +76,10 @@ class SapienSession(WorldSession):
         super().__init__(scene, numerics, pairs)
         options = read_options("sapien", OPTIONS, numerics)
         self.stock = options["sapien.profile"] == "stock"
+        given = given_knobs("sapien", KNOBS, numerics) if self.stock else {}
+        options |= {f"sapien.{name}": value for name, value in given.items() if f"sapien.{name}" in options}
         self.iterations = options["sapien.position_iterations"], options["sapien.velocity_iterations"]
+        self.contact_offset: float | None = given.get("contact_offset")
         bodies = scene.bodies
         scaled = len(bodies) > 0 and not self.stock
         self.unit = _RADIUS * 2.0 ** -round(math.log2(float(bodies.radius.mean()))) if scaled else 1.0
@@ -85,7 +89,7 @@ class SapienSession(WorldSession):
         self.solid = has_boxes(scene)
         own = physx.PhysxSceneConfig()
         config = {
-            "bounce_threshold": float(own.bounce_threshold) if self.stock else 0.0,
+            "bounce_threshold": given.get("bounce_threshold", float(own.bounce_threshold)) if self.stock else 0.0,
             "enable_tgs": options["sapien.solver"] == "tgs",
             "enable_pcm": True,
             "enable_ccd": False,
@@ -105,9 +109,12 @@ class SapienSession(WorldSession):
             **options,
             **{f"sapien.{name}": value for name, value in config.items()},
             **{f"sapien.{name}": OWN if self.stock else value for name, value in limits.items()},
-            "sapien.contact_offset": OWN if self.stock else 0.5 * (1.0 + _AHEAD) * self.touch / self.unit,
+            "sapien.contact_offset": given.get("contact_offset", OWN)
+            if self.stock
+            else 0.5 * (1.0 + _AHEAD) * self.touch / self.unit,
             "sapien.rest_offset": OWN if self.stock else 0.5 * self.touch / self.unit,
             "sapien.lengths_per_metre": self.unit,
+            **recorded_knobs("sapien", given),
             "sapien.pair_coefficients": "the scene's own, by one shape for each law",
         }
         gravity = self.unit * np.array(three_components(scene.gravity))
@@ -243,6 +250,8 @@ class SapienSession(WorldSession):
         shape.set_collision_groups([surface.mask, surface.meets, 0, 0])
         if not self.stock:
             shape.contact_offset, shape.rest_offset = 0.5 * (1.0 + _AHEAD) * self.touch, 0.5 * self.touch
+        elif self.contact_offset is not None:
+            shape.contact_offset = self.contact_offset
         if local is not None:
             shape.local_pose = local
         body.attach(shape)
