@@ -31,6 +31,7 @@ FINDING_WORDS: Mapping[Difference, str] = {
     Difference.FRICTION_PYRAMID: "friction-pyramid",
     Difference.FRICTION_AT_TWO_CORNERS: "box-turns-as-it-slides",
     Difference.IMPULSES_OF_OTHERS: "impulses-of-other-contacts",
+    Difference.BOXES_ROCK: "boxes-rock",
     Difference.NORMAL_TURNS_IN_IMPACT: "elastic-gas-gains-energy",
 }
 """Words by which the finding of an engine with such a difference is called: its id is ``<engine>/<words>``. The others are models of a

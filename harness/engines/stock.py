@@ -160,7 +160,12 @@ ENGINES = (
         step=0.01,
         step_from="SAPIEN's PhysxCpuSystem",
         # Its own solver is TGS.
-        tuned_alone=(Difference.FRICTION_PYRAMID, Difference.FRICTION_AT_TWO_CORNERS, Difference.IMPULSES_OF_OTHERS),
+        tuned_alone=(
+            Difference.FRICTION_PYRAMID,
+            Difference.FRICTION_AT_TWO_CORNERS,
+            Difference.IMPULSES_OF_OTHERS,
+            Difference.BOXES_ROCK,
+        ),
     ),
 )
 """All of them."""

@@ -201,8 +201,7 @@ class SapienSession(WorldSession):
 
     def push(self, i: int, load: FloatArray) -> None:
         """PhysX forgets forces after a step."""
-        force, torque = [load[0] * self.unit, load[1] * self.unit, 0.0], [0.0, 0.0, load[2] * self.unit**2]
-        self.bodies[i].add_force_torque(force, torque, "force")
+        self.bodies[i].add_force_torque((self.unit * load[:3]).tolist(), (self.unit**2 * load[3:]).tolist(), "force")
 
     def _body(self, i: int) -> Any:
         bodies = self.scene.bodies

@@ -138,3 +138,26 @@ def test_a_rocking_box_that_turns_aside_by_a_fiftieth_is_found(judge_history):
 
     assert judged(judge_history, "box/rocking", {}).failures == []
     assert "turning" in judged(judge_history, "box/rocking", {}, spoil=aside).seen
+
+
+@needs_sapien
+def test_a_spin_may_end_sooner_by_the_corner_of_the_pyramid_alone(judge_history):
+    """Friction that is half as strong again stops a box before the pyramid's strongest one does."""
+    known = judged(judge_history, "box/spin", {})
+    assert (known.failures, set(known.known.values())) == ([], {"sapien/friction-pyramid"})
+    assert {"spin", "turned"} <= judged(judge_history, "box/spin", {}, mu=1.5).seen
+    assert {"spin", "turned"} <= judged(judge_history, "box/spin", {}, mu=0.5).seen
+
+
+@needs_sapien
+def test_a_tower_may_rock_but_not_creep(judge_history):
+    def creeps(history):
+        x = history.x.copy()
+        x[-1, 1, 0] += 0.004
+        return replace(history, x=x)
+
+    params = {"slope_deg": 15.0}
+    known = judged(judge_history, "box/stack", params)
+    assert [each for each in known.failures if "NaN" not in each] == []  # PhysX reports no friction
+    assert set(known.known.values()) == {"sapien/boxes-rock"}
+    assert "creep" in judged(judge_history, "box/stack", params, spoil=creeps).seen
