@@ -94,6 +94,7 @@ class Touching:
         self._cache: dict[int, tuple[State | None, dict[str, Any]]] = {}
         self._ways = np.zeros(2)
         self._lag = np.zeros(3)
+        self._starts_whole = False
         self._clear: NDArray[np.bool_] | None = None
         self.frames = 0
         self.intervals: list[float] = []

@@ -137,3 +137,25 @@ def test_one_stiffness_for_contacts_of_several_is_asked_for(tmp_path: Path) -> N
     assert "the engine's step may gain as much in contacts of unknown stiffness: give kn" in checks["energy"][1]
     faster = table.assign(vx=table.vx * np.where((table.t > 0.0201) & (table.id < 3), 1.1, 1.0))
     assert said(faster, stated.replace(", kn = 1e5", ""), tmp_path)["energy"][0] == "violated"
+
+
+def leapfrog(kick: float, last: float = 1.0) -> pd.DataFrame:
+    """Two disks in flight, with velocities of half a step of 1e-4 s before the positions, ``kick`` of it; the first are of the start."""
+    t = np.arange(30) * 1e-3
+    tables = []
+    for body, share in ((1, 1.0), (2, last)):
+        late = np.where(t > 0.0, kick * share * 0.5e-4, 0.0)
+        y, vy = 1.0 - t - 0.5 * G * t * t, -1.0 - G * (t - late)
+        tables.append(pd.DataFrame({"t": t, "id": body, "x": 2.0 * body, "y": y, "vx": 0.0, "vy": vy}))
+    return pd.concat(tables).sort_values(["t", "id"])
+
+
+@pytest.mark.parametrize(
+    ("kick", "last", "verdict"),
+    [(1.0, 1.0, "holds"), (-1.0, 1.0, "holds"), (0.0, 1.0, "holds"), (0.9, 1.0, "violated"), (1.0, 0.0, "violated")],
+)
+def test_the_start_of_a_leapfrog_is_no_jump(tmp_path: Path, kick: float, last: float, verdict: str) -> None:
+    """Half a step of gravity, of all bodies in flight, is one; any other share, or of one body alone, is not."""
+    checks = said(leapfrog(kick, last), FLIGHT + "time = {dt = 1e-4}\n", tmp_path)
+    assert checks["free"][0] == verdict
+    assert checks["momentum"][0] == verdict
