@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))  # as a module, too
-from audit_core_kratos import CORE, KRATOS_RUNS, write_core, write_kratos  # noqa: E402
+from audit_core_kratos import CORE, KRATOS_RUNS, write_core, write_kratos
 
 BOX = """units si
 atom_style {style}
