@@ -431,7 +431,7 @@ WRITTEN = ("run.dump", "run.yaml", "run.extxyz", "frames", "run.csv")
 def judge(out: Path, expected: dict[str, list[str]]) -> int:
     """Audit all; how many differ from what is expected."""
     from ninedisk.harness.audit.run import audit
-    from ninedisk.harness.audit.scene import read_scene
+    from ninedisk.harness.audit.scene_file import read_scene
 
     wrong = 0
     for name, found in expected.items():

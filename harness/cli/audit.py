@@ -98,7 +98,7 @@ def audit(
     from ninedisk.harness.audit.infer import infer_scene
     from ninedisk.harness.audit.run import VIOLATED
     from ninedisk.harness.audit.run import audit as audited
-    from ninedisk.harness.audit.scene import read_scene, scene_of_text
+    from ninedisk.harness.audit.scene_file import read_scene, scene_of_text
     from ninedisk.harness.results.tables import plain_json
     from ninedisk.harness.results.whole_file import (
         check_folder,
