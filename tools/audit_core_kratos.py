@@ -62,16 +62,16 @@ def write_core(out: Path, names: list[str]) -> dict[str, list[str]]:
             "v": np.stack([np.sin(3.1 * k), np.sin(5.7 * k), np.sin(1.3 * k) - 1.0][-d:], axis=1),
             "omega": np.tile([3.0, -5.0, 7.0], (len(k), 1)) if d == 3 else np.full(len(k), 7.0),
         }  # fmt: skip
-        gravity, up, zero = ([*[0.0] * (d - 1), last] for last in (-change.get("g", 9.81), 1.0, 0.0))
+        g = change.get("g", 9.81)
         session: DemSession | SphereSession
         if d == 2:
-            walls = (Wall(name="floor", point=zero, normal=up, law=law),)
-            session = DemSession(Scene(disks=Disks(**start), walls=walls, disk_disk=law, gravity=gravity), numerics)
+            edges = (Wall(name="floor", point=(0.0, 0.0), normal=(0.0, 1.0), law=law),)
+            scene = Scene(disks=Disks(**start), walls=edges, disk_disk=law, gravity=(0.0, -g))
+            session = DemSession(scene, numerics)
         else:
-            planes = (PlaneWall(name="floor", point=zero, normal=up, law=law),)
-            session = SphereSession(
-                SphereScene(spheres=Spheres(**start), walls=planes, sphere_sphere=law, gravity=gravity), numerics
-            )
+            planes = (PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=law),)
+            spheres = SphereScene(spheres=Spheres(**start), walls=planes, sphere_sphere=law, gravity=(0.0, 0.0, -g))
+            session = SphereSession(spheres, numerics)
         writer = FrameWriter(out / name / "frames", form)
         for frame in range(FRAMES):
             session.advance(int(frame > 0))

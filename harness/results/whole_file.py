@@ -59,7 +59,7 @@ def check_no_input(flag: str, path: Path, inputs: Iterable[Path]) -> None:
 
 
 def check_same_text(flag: str, path: Path, text: str) -> None:
-    """Refuse to write a text over a file with another one, which may be somebody's work.
+    """Refuse to write a text over a file with another one, which may be a user's work.
 
     Raises
     ------
