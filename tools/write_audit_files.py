@@ -19,6 +19,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parent))  # as a module, too
+from audit_core_kratos import CORE, KRATOS_RUNS, write_core, write_kratos
+
 BOX = """units si
 atom_style {style}
 dimension {dimension}
@@ -428,7 +431,7 @@ WRITTEN = ("run.dump", "run.yaml", "run.extxyz", "frames", "run.csv")
 def judge(out: Path, expected: dict[str, list[str]]) -> int:
     """Audit all; how many differ from what is expected."""
     from ninedisk.harness.audit.run import audit
-    from ninedisk.harness.audit.scene import read_scene
+    from ninedisk.harness.audit.scene_file import read_scene
 
     wrong = 0
     for name, found in expected.items():
@@ -448,7 +451,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--judge", action="store_true", help="audit them and fail if a verdict is another")
-    parser.add_argument("--only", default="", help="of LAMMPS only the runs with this in their name")
+    parser.add_argument(
+        "--only", default="", help="of LAMMPS, Kratos and our own DEM only the runs with this in their name"
+    )
     parser.add_argument("--lammps", default="", help=argparse.SUPPRESS)
     chosen = parser.parse_args()
     if chosen.lammps:
@@ -459,6 +464,8 @@ def main() -> int:
         write_lammps(chosen.out, [name for name in LAMMPS if chosen.only in name])
         | write_liggghts(chosen.out)
         | write_yade(chosen.out)
+        | write_core(chosen.out, [name for name in CORE if chosen.only in name])
+        | write_kratos(chosen.out, [name for name in KRATOS_RUNS if chosen.only in name])
     )
     (chosen.out / "expected.json").write_text(json.dumps(expected, indent=1) + "\n")
     print(f"written: {len(expected)} files in {chosen.out}")

@@ -160,7 +160,8 @@ class FrameWriter:
         t : float
             Time [s].
         state : mapping from name to ndarray
-            ``x, v`` of shape (n, 2), ``angle, omega, radius`` of shape (n,), in the scene's order.
+            In the plane ``x, v`` of shape (n, 2), ``angle, omega, radius`` of shape (n,); in space ``x, v, angle, omega`` of shape
+            (n, 3), ``radius`` of shape (n,); in the scene's order.
 
         Returns
         -------
@@ -202,10 +203,11 @@ def _polydata(state: Mapping[str, FloatArray]) -> str:
         return f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{parts}" format="binary">{text}</DataArray>'
 
     def flat(values: FloatArray) -> FloatArray:
-        return np.column_stack([values, np.zeros(n)])
+        return np.column_stack([values, np.zeros(n)]) if np.shape(values)[1] == 2 else values
 
-    data = [array("velocity", flat(state["v"]), 3)]
-    data += [array(name, state[name], 1) for name in ("radius", "angle", "omega")]
+    turns = 1 if np.ndim(state["omega"]) == 1 else 3
+    data = [array("velocity", flat(state["v"]), 3), array("radius", state["radius"], 1)]
+    data += [array(name, state[name], turns) for name in ("angle", "omega")]
     verts = array("connectivity", np.arange(n, dtype=np.int64), 1) + array(
         "offsets", np.arange(1, n + 1, dtype=np.int64), 1
     )

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ninedisk.core.array_types import FloatArray
 from ninedisk.harness.audit.energy import EnergyChecks
 from ninedisk.harness.audit.geometry import norm
 from ninedisk.harness.audit.momentum import MomentumChecks
@@ -85,7 +87,21 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
         share = along / size / dt
         if abs(abs(share) - 0.5) > 0.1:
             return ""
-        return f"velocities are those of half a step {'before' if share > 0.0 else 'after'} the positions"
+        words = f"velocities are those of half a step {'before' if share > 0.0 else 'after'} the positions"
+        return words + ("; those of the first frame are of its instant" if self._starts_whole else "")
+
+    def _start_of_leapfrog(self, dv: FloatArray, noise: FloatArray, alone: NDArray[np.bool_]) -> None:
+        """Take half a step of gravity out of the first change of velocity, where all bodies in flight show just that.
+
+        An engine whose velocities are half a step off the positions starts from velocities of the instant.
+        """
+        kick = 0.5 * (self.scene.dt or 0.0) * self.scene.gravity
+        if not self.has_velocity or not alone.any() or not norm(kick) > 2.0 * noise[alone].max():
+            return
+        for sign in (1.0, -1.0):
+            if (norm(dv[alone] + sign * kick) <= noise[alone]).all():
+                dv += sign * kick
+                self._starts_whole = True
 
     # One interval, from b to c; a and d are its neighbours.
 
@@ -117,6 +133,8 @@ class Auditor(MomentumChecks, SpinChecks, EnergyChecks):
             if (wider <= bulge).all():
                 break
             bulge = wider
+        if len(self.intervals) == 1:
+            self._start_of_leapfrog(dv, ev + lag, use & (touch.degree == 0))
         # What a body that one frame alone has brings in, or takes, is not known.
         reach = np.where(touch.passing[touch.label], np.inf, reach) if touch.passing.any() else reach
         squeeze = self._spring_forces(b, c)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from ninedisk.harness.audit.touching import Interval, Touching, groups_of, wall_
 
 SHARE = 0.1
 """Share of its energy that a contact may gain or lose by the engine's step: about five steps a contact."""
+STEP_UNKNOWN = "the engine's step may gain as much in contacts of unknown stiffness: give kn"
 
 
 class EnergyChecks(Touching):
@@ -54,13 +57,22 @@ class EnergyChecks(Touching):
             parts["digits"] += groups_of(touch, bodies.inertia * turned * bodies.er / bodies.radius, use)
         # An engine of first order has velocities half a step off the positions.
         parts["engine's step"] += 0.5 * dt * np.abs(fall)
+        i, j = touch.pairs[:, 0], touch.pairs[:, 1]
+        near = np.maximum(((b.v[i] - b.v[j]) ** 2).sum(1), ((c.v[i] - c.v[j]) ** 2).sum(1))
+        first = np.where(use[i], i, j)
+        doubt = np.zeros(touch.groups)
+        if scene.kn is None and not scene.rigid:
+            own = bodies.mass[i] * bodies.mass[j] / (bodies.mass[i] + bodies.mass[j])
+            reduced = np.where(use[i] & use[j], own, bodies.mass[first])
+            doubt += np.bincount(touch.label[first], SHARE * 0.5 * reduced * near, touch.groups)
+        on, w = touch.walled[:, 0], touch.walled[:, 1]
+        speed = np.maximum((b.v[on] ** 2).sum(1), (c.v[on] ** 2).sum(1))
+        unknown = np.array([each is None and not scene.rigid for each in scene.wall_kn], dtype=bool)
+        doubt += np.bincount(
+            touch.label[on], SHARE * 0.5 * bodies.mass[on] * speed * (unknown[w] if len(on) else 0.0), touch.groups
+        )
         if scene.kn is not None:
-            i, j = touch.pairs[:, 0], touch.pairs[:, 1]
-            near = np.maximum(((b.v[i] - b.v[j]) ** 2).sum(1), ((c.v[i] - c.v[j]) ** 2).sum(1))
-            first = np.where(use[i], i, j)
             parts["springs' step"] += np.bincount(touch.label[first], scene.kn * near * dt * dt / 8.0, touch.groups)
-            on, w = touch.walled[:, 0], touch.walled[:, 1]
-            speed = np.maximum((b.v[on] ** 2).sum(1), (c.v[on] ** 2).sum(1))
             stiff = np.array([each or 0.0 for each in scene.wall_kn])[w] if len(on) else np.zeros(0)
             parts["springs' step"] += np.bincount(touch.label[on], stiff * speed * dt * dt / 8.0, touch.groups)
         touched = touch.label[use & (touch.degree > 0)]
@@ -81,8 +93,12 @@ class EnergyChecks(Touching):
                 parts["walls' work"][group] = work
         real = size > 0
         judged = np.flatnonzero(real & ~before & ~unknown_work)
+        shown = {name: part[judged] if part.any() else np.zeros(len(judged)) for name, part in parts.items()}
+        open_ = _between(gain[judged], shown, doubt[judged])
+        tally.skip(int(open_.sum()), STEP_UNKNOWN)
+        judged = judged[~open_]
+        shown = {name: part[~open_] for name, part in shown.items()}
         who, members = self._group_words(touch, judged, use)
-        shown = {name: part[judged] if part.any() else np.zeros(1) for name, part in parts.items()}
         tally.judge(c, gain[judged], shown, who, members)
         tally.skip(int((real & before & ~unknown_work).sum()), "overlaps at the start may store energy: give kn (and ks), or rigid = true"
                    if not scene.cohesive else "cohesion may have stored energy")  # fmt: skip
@@ -99,7 +115,11 @@ class EnergyChecks(Touching):
             self.tallies["kept"].skip(int(real.sum()) - len(still), "springs of unknown stiffness, or moving walls")
         if (real & unknown_work).any() or (scene.cohesive and len(touched)) or (b.omega is None and scene.frictional):
             return None
-        return {"work": float(parts["walls' work"].sum()), "order": float(parts["springs' step"].sum())}
+        return {
+            "work": float(parts["walls' work"].sum()),
+            "order": float(parts["springs' step"].sum()),
+            "doubt": float(doubt.sum()),
+        }
 
     def _body_energies(self, state: State) -> tuple[FloatArray, FloatArray]:
         """Kinetic and potential energy of each disk [J], and its error by the digits; NaN where a body lacks."""
@@ -213,27 +233,30 @@ class EnergyChecks(Touching):
         lag += 0.5 * dt * float((squeeze * np.nan_to_num(norm(c.v))).sum())
         least = self._least
         if least is None or gain is None or not np.array_equal(least["use"], use):
-            least = {"high": np.inf, "err": 0.0, "use": use}
+            least = {"high": np.inf, "err": 0.0, "use": use, "doubt": 0.0}
         else:
-            least = least | {"high": least["high"] + gain["work"] + gain["order"]}
+            least = least | {
+                "high": least["high"] + gain["work"] + gain["order"],
+                "doubt": least["doubt"] + gain["doubt"],
+            }
             if np.isfinite(least["high"]):
                 parts = {
                     "digits at both ends": np.array([doubt + least["err"]]),
                     "engine's step": np.array([lag + least.get("lag", 0.0)]),
                 }
                 at = np.flatnonzero(use)
-                self.tallies["energy"].judge(
-                    c,
-                    np.array([low - least["high"]]),
-                    parts,
-                    lambda _: "all bodies, since their least energy",
-                    lambda _: at,
-                )
+                grown = np.array([low - least["high"]])
+                if _between(grown, parts, np.array([least["doubt"]])).any():
+                    self.tallies["energy"].skip(1, STEP_UNKNOWN)
+                else:
+                    self.tallies["energy"].judge(
+                        c, grown, parts, lambda _: "all bodies, since their least energy", lambda _: at
+                    )
         budget = high
         if np.isfinite(least["high"]):
             budget = least["high"] + least["err"] + least.get("lag", 0.0)
         if high <= least["high"]:
-            least = {"high": high, "err": doubt, "use": use, "lag": lag}
+            least = {"high": high, "err": doubt, "use": use, "lag": lag, "doubt": 0.0}
         self._least = least
         self._depths(c, budget - float(own.sum()) + doubt + lag)
         self._check_step(c)
@@ -304,3 +327,9 @@ class EnergyChecks(Touching):
             lambda k: who(at[k]), lambda k: members(at[k]),
         )  # fmt: skip
         tally.skip(int((~decided).sum()), "how deep springs of unknown stiffness may go: give kn, or rigid = true")
+
+
+def _between(value: FloatArray, parts: Mapping[str, FloatArray], doubt: FloatArray) -> NDArray[np.bool_]:
+    """What exceeds its allowance by no more than a sound scheme may gain in contacts whose stiffness nobody gave."""
+    allowed = sum(parts.values(), np.zeros(len(value)))
+    return (value > allowed) & (value <= allowed + doubt)

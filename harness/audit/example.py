@@ -8,7 +8,7 @@ import numpy as np
 
 from ninedisk.core import ContactLaw, Disks, Numerics, Scene, Wall, simulate
 from ninedisk.core.archive import make_folder
-from ninedisk.harness.results.whole_file import write_whole
+from ninedisk.harness.results.whole_file import check_same_text, write_whole
 
 TOML = """\
 # What the trajectory does not say. Run:  ninedisk audit trajectory.csv
@@ -86,6 +86,8 @@ def write_example(folder: Path) -> list[Path]:
 
     Raises
     ------
+    UsageError
+        If another file has one of the names.
     UnwritableFileError, StoreError
         If the folder cannot be made or a file cannot be written.
     """
@@ -105,6 +107,8 @@ def write_example(folder: Path) -> list[Path]:
                 forces.append(f"{t:.6g},{i},{other},{history.fn[k, column]:.9g},{history.fs[k, column]:.9g}")
     make_folder(folder)
     files = {"trajectory.csv": "\n".join(rows), "trajectory.toml": TOML.rstrip("\n"), "contacts.csv": "\n".join(forces)}
+    for name, text in files.items():
+        check_same_text("--example", folder / name, text + "\n")
     for name, text in files.items():
         write_whole("--example", folder / name, text + "\n")
     return [folder / name for name in files]

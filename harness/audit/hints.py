@@ -1,4 +1,4 @@
-"""What often lies behind a violation: a diameter for a radius, spheres taken for disks."""
+"""What often lies behind a violation: a diameter for a radius, spheres taken for disks, one stiffness for many."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import numpy as np
 
 from ninedisk.harness.audit.checks import Auditor
 from ninedisk.harness.audit.geometry import close_pairs, norm
-from ninedisk.harness.audit.scene import AuditScene
 
 TWICE = (1.7, 2.05)
 """Distance over the sum of radii at which bodies push each other whose radii are halves of the right ones."""
+
+ENERGIES = ("energy", "kept", "overlap")
+"""Checks that inertias and stiffnesses enter by the energy."""
 
 
 def radius_hints(auditor: Auditor) -> dict[str, str]:
@@ -40,8 +42,20 @@ def radius_hints(auditor: Auditor) -> dict[str, str]:
     return found
 
 
-def spin_hint(scene: AuditScene) -> str:
-    """A remark on inertias that nobody gave."""
+def inertia_hint(auditor: Auditor, check: str) -> str:
+    """A remark on inertias that nobody gave, for a violated check that they enter."""
+    scene, tallies = auditor.scene, auditor.tallies
     if scene.inertia_given or scene.dimension == 3:
         return ""
+    turns = check in ("spin", "torque")
+    if not turns and not (check in ENERGIES and any(tallies[name].beyond for name in ("spin", "torque"))):
+        return ""
     return '; inertia is not given and that of disks, m R^2/2: spheres in a plane (LAMMPS, YADE) have 2/5, inertia = "sphere"'
+
+
+def stiffness_hint(auditor: Auditor, check: str, hint: str) -> str:
+    """A remark on one stiffness for contacts that may have many, where nothing else explains the energies."""
+    others = any(auditor.tallies[name].beyond for name in ("free", "momentum", "motion"))
+    if check not in ENERGIES or auditor.scene.kn is None or hint or others:
+        return ""
+    return "; if contacts have different stiffnesses (Hertz, YADE), take kn out of the TOML"

@@ -136,10 +136,13 @@ def write_law_test(folder: Path) -> list[Path]:
     Raises
     ------
     UsageError
-        If the ``law.toml`` that is there is wrong.
+        If the ``law.toml`` that is there is wrong, or a foreign ``README.md`` is there.
     UnwritableFileError, StoreError
         If the folder cannot be made or a file cannot be written.
     """
+    readme = folder / "README.md"
+    if readme.is_file() and not readme.read_bytes().startswith(README.partition("\n")[0].encode()):
+        raise UsageError(f"DIR: {str(readme)!r} exists, and is not replaced: give another folder")
     make_folder(folder)
     given = folder / "law.toml"
     law = _read_law(given) if given.exists() else _Law(LAW, {})
@@ -282,7 +285,7 @@ def judge_law_test(folder: Path, only: Sequence[str] = ()) -> dict[str, Any]:
     """
     if not folder.is_dir():
         raise UsageError(f"there is no folder {str(folder)!r}: `ninedisk law-test write DIR` writes one")
-    if unknown := next((motion for motion in only if motion not in MOTIONS), None):
+    if (unknown := next((motion for motion in only if motion not in MOTIONS), None)) is not None:
         raise UsageError(
             f"there is no motion {unknown!r}: motions are {', '.join(MOTIONS)}.{close_matches(unknown, MOTIONS)}"
         )

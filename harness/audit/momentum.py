@@ -71,8 +71,12 @@ class MomentumChecks(Touching):
             second = np.maximum(second, 2.0 * norm(one)) if whole else second
             judged = np.flatnonzero(use & (~met | resolved))
             parts = {
-                "digits of angle and omega": (
-                    b.ea + c.ea + 0.5 * h * (b.eo + c.eo) + self.eps * max(1.0, h / dt) * norm(c.angle)
+                "digits of angle, omega and t": (
+                    b.ea
+                    + c.ea
+                    + 0.5 * h * (b.eo + c.eo)
+                    + self.eps * max(1.0, h / dt) * norm(c.angle)
+                    + self._clock_error(b, c, h) * np.maximum(norm(b.omega), norm(c.omega))
                 )[judged],
                 "half a step's change of spin": 0.5 * dt * norm(one)[judged],
                 "one contact at an unknown instant": np.where(met, 0.25 * h * second, 0.0)[judged],

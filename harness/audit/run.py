@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.checks import Auditor
 from ninedisk.harness.audit.forces import judge_contacts
-from ninedisk.harness.audit.hints import radius_hints, spin_hint
+from ninedisk.harness.audit.hints import inertia_hint, radius_hints, stiffness_hint
 from ninedisk.harness.audit.history import judge_history
 from ninedisk.harness.audit.read import dimension_of, in_plane, read_trajectory
 from ninedisk.harness.audit.readers.columns import Trajectory
@@ -57,6 +57,32 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
     if not scene.stated_dimension:
         scene = scene.in_dimension(dimension_of(trajectory))
     trajectory = in_dimension(trajectory, scene)
+    states, auditor, kept = _judged(trajectory, scene, progress, even_clock=True)
+    if auditor.clock_is_rounded:
+        trajectory = in_dimension(read_trajectory(path, scene.columns), scene)
+        states, auditor, kept = _judged(trajectory, scene, progress, even_clock=False)
+    remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
+    tallies = auditor.tallies | states.tallies
+    for unknown, words in (
+        (not scene.walls_known, "walls are not given, and {}: write [[walls]], or walls = [] where there are none"),
+        (scene.partial, "bodies are missing (partial = true), and {}"),
+    ):
+        if unknown:
+            tallies |= {
+                name: _without(tallies[name], words.replace("{}", "{}" + inertia_hint(auditor, name)))
+                for name in BY_WALLS
+            }
+    tallies["cone"] = judge_contacts(scene, progress)
+    tallies["history"] = judge_history(trajectory, scene, progress)
+    tallies["reversal"] = _reversal(scene, auditor, kept, progress)
+    found: dict[str, Any] = _json_value(_record(path, states, scene, auditor, tallies, remarks))
+    return found
+
+
+def _judged(
+    trajectory: Trajectory, scene: AuditScene, progress: Callable[[int, int, str], None], *, even_clock: bool
+) -> tuple[States, Auditor, list[State]]:
+    """Read all frames and judge them; the states are kept where a reversed run is compared with them."""
     states = States(trajectory, scene)
     auditor: Auditor | None = None
     kept: list[State] = []
@@ -69,27 +95,16 @@ def audit(path: Path, scene: AuditScene, progress: Callable[[int, int, str], Non
                     states.bodies,
                     has_velocity=states.has_velocity,
                     digits={name: rule.description() for name, rule in trajectory.rounding.items()},
+                    even_clock=even_clock,
                 )
             auditor.feed(state)
             if scene.reverse is not None:
                 kept.append(state)
         if auditor is None or auditor.frames < 2:
             needed = "two or more" if states.has_velocity else "three or more where it has no vx, vy"
-            raise UsageError(f"{path} has too few frames: an audit compares frames, give {needed}")
+            raise UsageError(f"{trajectory.path} has too few frames: an audit compares frames, give {needed}")
         auditor.finish()
-    remarks = {"spin": auditor.settle_arms()} | radius_hints(auditor)
-    tallies = auditor.tallies | states.tallies
-    for unknown, words in (
-        (not scene.walls_known, "walls are not given, and {}: write [[walls]], or walls = [] where there are none"),
-        (scene.partial, "bodies are missing (partial = true), and {}"),
-    ):
-        if unknown:
-            tallies |= {name: _without(tallies[name], words) for name in BY_WALLS}
-    tallies["cone"] = judge_contacts(scene, progress)
-    tallies["history"] = judge_history(trajectory, scene, progress)
-    tallies["reversal"] = _reversal(scene, auditor, kept, progress)
-    found: dict[str, Any] = _json_value(_record(path, states, scene, auditor, tallies, remarks))
-    return found
+    return states, auditor, kept
 
 
 def _ahead(states: Iterator[State]) -> Iterator[State]:
@@ -250,11 +265,8 @@ def _check(tally: Tally, auditor: Auditor, hint: str) -> dict[str, Any]:
         hint = "; if bodies are meant to come or leave, write open = true in the TOML"
     if tally.name == "motion" and verdict == VIOLATED:
         hint = auditor.clock_hint()
-    if tally.name in ("energy", "overlap") and verdict == VIOLATED and auditor.scene.kn is not None and not hint:
-        others = (auditor.tallies[name].beyond for name in ("free", "momentum", "motion"))
-        hint = "" if any(others) else "; if contacts have different stiffnesses (Hertz, YADE), take kn out of the TOML"
-    if tally.name == "spin" and verdict == VIOLATED:
-        hint += spin_hint(auditor.scene)
+    if verdict == VIOLATED:
+        hint += inertia_hint(auditor, tally.name) or stiffness_hint(auditor, tally.name, hint)
     if tally.name == "momentum" and verdict == VIOLATED and "walls gave" in worst["who"]:
         hint = "; walls that only push give what lies in the cone of their normals and friction"
     return {

@@ -71,8 +71,17 @@ class Interval(NamedTuple):
 class Touching:
     """State of an audit that all checks share; see `Auditor`."""
 
-    def __init__(self, scene: AuditScene, bodies: Bodies, *, has_velocity: bool, digits: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        scene: AuditScene,
+        bodies: Bodies,
+        *,
+        has_velocity: bool,
+        digits: Mapping[str, str],
+        even_clock: bool = True,
+    ) -> None:
         self.scene, self.bodies, self.digits, self.has_velocity = scene, bodies, digits, has_velocity
+        self.even_clock, self.even_intervals, self.uneven_intervals = even_clock, 0, 0
         self.tallies = {name: Tally(name) for name in TITLES}
         self.track = WallTrack(scene.walls, scene.dimension)
         self.radius_arms = Tally("spin")
@@ -85,20 +94,31 @@ class Touching:
         self._cache: dict[int, tuple[State | None, dict[str, Any]]] = {}
         self._ways = np.zeros(2)
         self._lag = np.zeros(3)
+        self._starts_whole = False
         self._clear: NDArray[np.bool_] | None = None
         self.frames = 0
         self.intervals: list[float] = []
 
     def _clock_error(self, b: State, c: State, h: float) -> float:
-        """Most by which an interval is off: the digits of t, unless it is one of the engine's steps, of which t is a multiple."""
+        """Most by which an interval is off: the digits of t, unless it is one of the engine's steps, of which t is a multiple.
+
+        Digits coarser than a step leave that open; intervals that are all alike are taken as exact.
+        """
         dt = self.scene.dt
-        if dt is not None and all(
-            abs(t / dt - round(t / dt)) < 1e-6 * max(1.0, abs(t / dt) * 1e-6) for t in (b.t, c.t)
-        ):
-            even = abs(h - self.intervals[0]) < 1e-6 * h
-            if even or max(b.et, c.et) < 0.5 * dt:
-                return 0.0
-        return b.et + c.et
+        if dt is None:
+            return b.et + c.et
+        whole = all(abs(t / dt - round(t / dt)) < 1e-6 * max(1.0, abs(t / dt) * 1e-6) for t in (b.t, c.t))
+        if whole and max(b.et, c.et) < 0.5 * dt:
+            return 0.0
+        even = whole and abs(h - self.intervals[0]) < 1e-6 * h
+        self.even_intervals += even
+        self.uneven_intervals += not even
+        return 0.0 if even and self.even_clock else b.et + c.et
+
+    @property
+    def clock_is_rounded(self) -> bool:
+        """Whether intervals were taken as exact, being all alike until then, that a later one shows to be rounded."""
+        return self.even_clock and self.even_intervals > 0 and self.uneven_intervals > 0
 
     def _spring_forces(self, *states: State) -> FloatArray:
         """Sum of the spring forces on each disk [N], the larger of the states'; 0 without kn."""

@@ -30,17 +30,25 @@ def audit(
         typer.Option(
             "--scene",
             metavar="FILE",
-            help="The TOML. None: FILE with the ending .toml, or audit.toml beside it; else what FILE shows.",
+            help="The TOML. None: FILE with the ending .toml, or audit.toml beside or in it; else what FILE shows.",
         ),
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers.")
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Also write a page with figures; of a former page, the folder is replaced."
+        ),
+    ] = None,
     write_scene: Annotated[
         Path | None,
         typer.Option(
-            "--write-scene", metavar="FILE", help="Also write a TOML with what the trajectory shows, to complete."
+            "--write-scene",
+            metavar="FILE",
+            help="Also write a TOML with what the trajectory shows, to complete. A file that is there is kept, and named.",
         ),
     ] = None,
     example: Annotated[
@@ -90,29 +98,44 @@ def audit(
     from ninedisk.harness.audit.infer import infer_scene
     from ninedisk.harness.audit.run import VIOLATED
     from ninedisk.harness.audit.run import audit as audited
-    from ninedisk.harness.audit.scene import read_scene, scene_of_text
+    from ninedisk.harness.audit.scene_file import read_scene, scene_of_text
     from ninedisk.harness.results.tables import plain_json
-    from ninedisk.harness.results.whole_file import check_folder, check_writable, write_whole
+    from ninedisk.harness.results.whole_file import (
+        check_folder,
+        check_no_input,
+        check_same_text,
+        check_writable,
+        write_whole,
+    )
     from ninedisk.reports.audit import write_audit
 
     if (file is None) == (example is None):
         raise UsageError("give a trajectory to audit, or --example DIR to write one: one of the two")
     if example is not None:
+        for flag, given in (("--scene", scene), ("--json", json_file), ("--out", out), ("--write-scene", write_scene)):
+            if given is not None:
+                raise UsageError(f"--example audits nothing: take {flag} {str(given)!r} away, or give a trajectory")
         check_folder("--example", example)
         typer.echo(f"written: {', '.join(str(path) for path in write_example(example))}")
         typer.echo(f"next: ninedisk audit {example / 'trajectory.csv'}")
         raise typer.Exit(0)
     assert file is not None
+    given = scene or _companion_file(file)
+    inputs = [each for each in (file, given) if each is not None]
     if json_file is not None:
         check_writable("--json", json_file)
+        check_no_input("--json", json_file, inputs)
     if out is not None:
         check_folder("--out", out)
     if write_scene is not None:
         check_writable("--write-scene", write_scene)
-    given = scene or _companion_file(file)
+        check_no_input("--write-scene", write_scene, [file])
+        if json_file is not None and write_scene.resolve() == json_file.resolve():
+            raise UsageError(f"--write-scene and --json both name {str(json_file)!r}: give two files")
     if given is None or write_scene is not None:
         inferred = infer_scene(file)
         if write_scene is not None:
+            check_same_text("--write-scene", write_scene, inferred.text)
             write_whole("--write-scene", write_scene, inferred.text)
             typer.echo(f"written: {write_scene}")
         if given is None:
@@ -127,6 +150,9 @@ def audit(
     reported = (
         read_scene(given) if given is not None else scene_of_text(inferred.text, f"TOML inferred from {file.name}")
     )
+    if json_file is not None:
+        more = [*(each.path for each in reported.contacts), reported.reverse, reported.data]
+        check_no_input("--json", json_file, [each for each in more if each is not None])
     with CellProgress() as progress:
         record = audited(file, reported, progress)
     if json_file is not None:
@@ -140,7 +166,9 @@ def audit(
 def _companion_file(file: Path) -> Path | None:
     from ninedisk.harness.api.errors import UsageError
 
-    tried = [file.with_suffix(".toml"), file.with_suffix("").with_suffix(".toml"), file.parent / "audit.toml"]
+    tried = [file.parent / "audit.toml"]
+    if file.name:  # of ".", none
+        tried = [file.with_suffix(".toml"), file.with_suffix("").with_suffix(".toml"), *tried]
     for path in [*tried, file / "audit.toml"] if file.is_dir() else tried:
         if path.is_file():
             return path

@@ -23,7 +23,9 @@ def register(app: typer.Typer) -> None:
 
 @guarded
 def write(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the motions, law.toml and README.md.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder for the motions, law.toml and README.md; made if missing.")
+    ],
 ) -> None:
     """Write eight motions of two spheres as CSV, the law's parameters as law.toml, and a README.md with the columns to give back.
 
@@ -49,15 +51,27 @@ def judge(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write every verdict with its numbers.")
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Also write a page with figures.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Also write a page with figures; of a former page, the folder is replaced."
+        ),
+    ] = None,
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="MOTION", help="Judge this motion; may be repeated.")
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="MOTION", help="Judge this motion, as its file is named; may be repeated. None: all."
+        ),
     ] = None,
 ) -> None:
     """Hold forces and torques that a code returned against closed forms, and name the conventions that fit.
 
     Conventions are the arms of torque and slip, whether the shear spring turns with the normal and about it, whether it is cut where
     friction limits the force, and whether the dashpot pulls. law.toml may declare them; the code is then held to them.
+
+    A --json file has law, checks, conventions, motions and missing. Each of checks has id, verdict, said, value, allowance and t. Each
+    of conventions has declared, accepted, found and said. Motions are listed worst first, each with ratio, the error over its
+    allowance, and curves. missing names the motions without forces.
 
     \b
     Examples:
@@ -75,11 +89,12 @@ def judge(
     from ninedisk.harness.api.text import one_line
     from ninedisk.harness.audit.law_test import HOLDS, UNDECIDED, VIOLATED, judge_law_test
     from ninedisk.harness.results.tables import plain_json
-    from ninedisk.harness.results.whole_file import check_folder, check_writable, write_whole
+    from ninedisk.harness.results.whole_file import check_folder, check_no_input, check_writable, write_whole
     from ninedisk.reports.law_test import write_law_page
 
     if json_file is not None:
         check_writable("--json", json_file)
+        check_no_input("--json", json_file, [folder / "law.toml", *folder.glob("*.csv")])
     if out is not None:
         check_folder("--out", out)
     record = judge_law_test(folder, only or ())

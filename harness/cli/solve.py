@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 UNSOLVED = 1
 ROUNDED = 1e-9
 """Difference of W from its transpose that is not mentioned."""
+FEWEST = 4
+"""Significant digits below which numbers may be exact, such as 0.5 and 1.25."""
 MEANINGS = {
     "natural_map": "distance of the forces from their projection on the law",
     "complementarity": "normal force where a contact opens",
@@ -62,7 +65,8 @@ def solve(
     """Solve the frictional contact problem in FILE and print how far the answer is from a solution.
 
     The errors are those of `ninedisk.references.contact_law`, relative to the problem's own forces and works: derived from the law
-    alone, without a line of the solvers. What of them the rounding of doubles explains is no reason to refuse.
+    alone, without a line of the solvers. What of them the rounding of doubles explains is no reason to refuse. Text whose numbers have
+    fewer digits than the tolerance is mentioned.
 
     \b
     Examples:
@@ -102,6 +106,8 @@ def solve(
     if matrix and (solver == "interior-point" or (solver != "auto" and found.problem.b.shape[1] == 3)):
         raise UsageError(f"--solver {solver} works on bodies in the plane, and this file has a matrix alone: use auto")
     _describe(found)
+    if found.form in ("fc2d", "fc3d"):
+        _say_digits(file, tolerance)
     if check:
         if found.answer is None:
             raise UsageError(f"{str(file)!r} holds no solution to check: leave out --check")
@@ -209,6 +215,18 @@ def _describe(found: ProblemFile) -> None:
         lost = abs(problem.w - problem.w.T).max() / abs(problem.w).max()
         if lost > ROUNDED:
             console().print(f"W is unsymmetric by {lost:.1g} of its largest entry, and is solved unchanged")
+
+
+def _say_digits(file: Path, tolerance: float) -> None:
+    """Mention data whose printed digits are coarser than the tolerance."""
+    numbers = re.findall(r"[-+]?([0-9]+\.[0-9]+|[0-9]+)(?:[eE][-+]?[0-9]+)?(?=\s)", file.read_text(encoding="ascii"))
+    digits = max((len(each.replace(".", "").strip("0")) for each in numbers if "." in each), default=0)
+    rounded = 0.5 * 10.0 ** (1 - digits)
+    if digits >= FEWEST and rounded > tolerance:
+        console().print(
+            f"its numbers have at most {digits} significant digits, which they were rounded to by up to {rounded:.0e} of them: the "
+            f"answer to {tolerance:g} is that of the rounded numbers"
+        )
 
 
 def _show(errors: Errors, tolerance: float) -> None:

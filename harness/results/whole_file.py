@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
@@ -39,6 +39,35 @@ def check_writable(flag: str, path: Path) -> None:
             f"{flag} {str(path)!r} cannot be written ({getattr(error, 'strerror', None) or error}): give a file in a "
             f"folder that exists and can be written"
         ) from error
+
+
+def check_no_input(flag: str, path: Path, inputs: Iterable[Path]) -> None:
+    """Refuse to write over a file that a command reads, or over data in a folder that it reads.
+
+    Raises
+    ------
+    UsageError
+        Naming the option ``flag`` and the path.
+    """
+    if not path.exists():
+        return
+    data = path.suffix not in (".json", ".toml")
+    for given in inputs:
+        within = data and given.is_dir() and path.resolve().parent.samefile(given)
+        if within or (given.exists() and path.samefile(given)):
+            raise UsageError(f"{flag} {str(path)!r} would replace what is read from {str(given)!r}: give another file")
+
+
+def check_same_text(flag: str, path: Path, text: str) -> None:
+    """Refuse to write a text over a file with another one, which may be a user's work.
+
+    Raises
+    ------
+    UsageError
+        Naming the option ``flag`` and the path.
+    """
+    if path.is_file() and path.read_bytes() not in (b"", text.encode("utf-8", "backslashreplace")):
+        raise UsageError(f"{flag}: {str(path)!r} exists, and is not replaced: move it away, or give another place")
 
 
 def check_folder(flag: str, path: Path) -> None:

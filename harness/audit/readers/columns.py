@@ -20,8 +20,17 @@ from ninedisk.harness.audit.readers.rounding import Rounding, Tokens, roundings_
 
 Progress = Callable[[int, int, str], None]
 PLACE = ("Points", "unwrapped_coordinates", "coordinates", "pos", "position")
-VELOCITY = ("velocity", "Velocity", "linVel", "linVelVec", "v", "velocities", "vel", "velo")
-SPIN = ("angVel", "angVelVec", "omega", "angularVelocity", "AngularVelocity", "angular_velocity", "angular velocity")
+VELOCITY = ("velocity", "Velocity", "linVel", "linVelVec", "v", "velocities", "vel", "velo", "VELOCITY")
+SPIN = (
+    "angVel",
+    "angVelVec",
+    "omega",
+    "angularVelocity",
+    "AngularVelocity",
+    "angular_velocity",
+    "angular velocity",
+    "ANGULAR_VELOCITY",
+)
 """Names of vectors."""
 
 
@@ -50,7 +59,7 @@ ALIASES = {
     "tqy": ("ty", "torque:1", "torquey"),
     "diameter": ("d", "Diameter"),
     "angle": ("theta", "rotation"),
-    "radius": ("r", "radii", "Radius"),
+    "radius": ("r", "radii", "Radius", "RADIUS"),
     "mass": ("m", "Mass", "particleMass"),
     "type": ("mol",),
     "z": ("zu", "Z", "pos_z", *_parts(PLACE, 2)),

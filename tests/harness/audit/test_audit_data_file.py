@@ -14,7 +14,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.readers.lammps_data import read_data_file
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import scene_of_text
+from ninedisk.harness.audit.scene_file import scene_of_text
 
 HEAD = """LAMMPS data file via write_data, version 22 Jul 2025, timestep = 2005, units = {units}
 

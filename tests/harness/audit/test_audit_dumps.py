@@ -15,7 +15,7 @@ from ninedisk.harness.audit.geometry import Cone, close_pairs, friction_rays
 from ninedisk.harness.audit.infer import infer_scene
 from ninedisk.harness.audit.read import dimension_of, read_trajectory
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import scene_of_text
+from ninedisk.harness.audit.scene_file import scene_of_text
 from ninedisk.harness.cli.app import app
 
 G = 9.81

@@ -1,4 +1,4 @@
-"""Files that LAMMPS itself writes: right runs pass in each form of its dump, and faults in its input are named."""
+"""Files that engines themselves write: right runs pass in each form of their files, and faults in its input are named."""
 
 from __future__ import annotations
 
@@ -85,4 +85,38 @@ def test_files_of_yade(tool: ModuleType, tmp_path: Path) -> None:
     """Tables and text exports, right and with another gravity."""
     expected = tool.write_yade(tmp_path)
     assert len(expected) == 4
+    assert tool.judge(tmp_path, expected) == 0
+
+
+CORE = (
+    "core-2d-npz",
+    "core-2d-vtk",
+    "core-2d-gravity",
+    "core-2d-friction",
+    "core-3d-npz",
+    "core-3d-vtk",
+    "core-3d-gravity",
+    "core-3d-lever-arms",
+    "core-3d-spheres-of-another-density",
+)
+
+
+@pytest.mark.parametrize("name", CORE)
+def test_frames_of_the_own_dem(tool: ModuleType, tmp_path: Path, name: str) -> None:
+    """Its velocities are those of half a step before the positions, but for the first frame's."""
+    assert set(tool.CORE) == set(CORE)
+    assert tool.judge(tmp_path, tool.write_core(tmp_path, [name])) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("KratosMultiphysics") is None, reason="needs Kratos")
+@pytest.mark.parametrize(
+    "name", ["kratos-3d", "kratos-3d-gravity", "kratos-3d-friction", "kratos-3d-vtu", "kratos-3d-vtu-gravity"]
+)
+def test_files_of_kratos(tool: ModuleType, tmp_path: Path, name: str) -> None:
+    """Its general VTK output, and that of its DEM, which needs pyevtk."""
+    if name.startswith("kratos-3d-vtu"):
+        pytest.importorskip("pyevtk")
+    expected = tool.write_kratos(tmp_path, [name])
+    assert len(expected) == 1
     assert tool.judge(tmp_path, expected) == 0

@@ -11,7 +11,7 @@ import pytest
 
 from ninedisk.core import ContactLaw, History, Numerics, PlaneWall, Spheres, SphereScene, simulate
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import read_scene
+from ninedisk.harness.audit.scene_file import read_scene
 
 LAW = ContactLaw(kn=1e5, ks=8e4, mu=0.5, beta=0.1, lever_arm="overlap")
 PAIRS = [(0, 1), (0, 2), (1, 2)]

@@ -18,7 +18,7 @@ from ninedisk.core import ContactLaw, Disks, History, Numerics, Scene, Wall, sim
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import scene_of_text
+from ninedisk.harness.audit.scene_file import scene_of_text
 from ninedisk.harness.cli.app import app
 
 R = np.array([0.1, 0.08, 0.12])

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from ninedisk.core import ContactLaw, Numerics, PlaneSegment, PlaneWall, Spheres, SphereScene, simulate
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import read_scene
+from ninedisk.harness.audit.scene_file import read_scene
 from ninedisk.harness.cli.app import app
 
 Edit = Callable[[pd.DataFrame], pd.DataFrame]

@@ -14,7 +14,7 @@ from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.infer import infer_scene
 from ninedisk.harness.audit.read import read_trajectory
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import read_scene
+from ninedisk.harness.audit.scene_file import read_scene
 
 
 @pytest.fixture(scope="module")

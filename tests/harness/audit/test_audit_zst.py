@@ -10,7 +10,7 @@ import pytest
 from ninedisk.harness.api.errors import UsageError
 from ninedisk.harness.audit.example import write_example
 from ninedisk.harness.audit.run import audit
-from ninedisk.harness.audit.scene import read_scene
+from ninedisk.harness.audit.scene_file import read_scene
 
 
 def test_the_same_record_as_unpacked_and_a_broken_file_is_named(tmp_path: Path) -> None:

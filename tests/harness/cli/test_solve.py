@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +45,34 @@ def test_solved_written_and_judged_again(form: Form, sliding: str, tmp_path: Pat
     assert ninedisk("solve", tmp_path / "s", "--check", "--sliding", sliding).exit_code == 0
     other = "associated" if sliding == "coulomb" else "coulomb"
     assert ninedisk("solve", tmp_path / "s", "--check", "--sliding", other).exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("digits", "tolerance", "said"), [(6, 1e-8, True), (6, 1e-5, False), (16, 1e-8, False), (9, 1e-10, True)]
+)
+def test_text_of_fewer_digits_than_the_tolerance_is_mentioned(
+    digits: int, tolerance: float, said: bool, tmp_path: Path
+) -> None:
+    write_problem(tmp_path / "p", replace(ROW, mass=[[2.1234567890123, 2.1234567890123, 1.0]] * 3), "fc2d")
+    text = (tmp_path / "p").read_text()
+    short = re.sub(r"-?[0-9]\.[0-9]+e[-+][0-9]+", lambda found: f"{float(found.group()):.{digits}g}", text)
+    (tmp_path / "p").write_text(short)
+    done = ninedisk("solve", tmp_path / "p", "--tolerance", tolerance)
+    assert done.exit_code == 0, done.output
+    assert (f"at most {digits} significant digits" in done.stdout) == said
+
+
+@pytest.mark.parametrize("lines", [0, 1])
+def test_the_file_is_written_though_the_reader_of_the_output_leaves(lines: int, tmp_path: Path) -> None:
+    write_problem(tmp_path / "p", ROW, "fc2d")
+    command = [sys.executable, "-m", "ninedisk", "solve", str(tmp_path / "p"), "--out", str(tmp_path / "s")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        for _ in range(lines):
+            process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(60) == 0
+    assert read_problem(tmp_path / "s").answer is not None
 
 
 @pytest.mark.parametrize("form", FORMS)
