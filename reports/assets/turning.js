@@ -1,5 +1,5 @@
 "use strict";
-/* Scenes in space: spheres and planes that turn under the pointer, as SVG, so that they print as they stand; stored configurations play. */
+/* Scenes in space: spheres, boxes and planes that turn under the pointer, as SVG, so that they print as they stand; stored configurations play. */
 (() => {
   const SVG = "http://www.w3.org/2000/svg", TURN = 12, PLAY = 4; // seconds of a whole turn, and of a whole play
   const POLES = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], MOST_POLES = 60; // spheres whose rotation is drawn
@@ -89,6 +89,13 @@
       const first = (scene.up + 1) % 3;
       this.axes = [first, (first + 1) % 3, scene.up]; // right-handed, the last one upright
       this.gravity = this.axes.map(axis => scene.gravity[axis]);
+      const three = name => name in scene ? Array.from(this.radius, (_, i) => Array.from(ninedisk.data.arrays[scene[name]].slice(3 * i, 3 * i + 3))) : [];
+      this.half = three("half");
+      this.first = Array.from(this.radius, (_, i) => { // directions to the poles of a ball, to the faces of a box
+        if (!this.isBox(i)) return POLES;
+        const turn = ninedisk.data.arrays[scene.turn];
+        return [0, 1, 2].flatMap(edge => [1, -1].map(side => this.axes.map(axis => side * turn[9 * i + 3 * edge + axis])));
+      });
       const names = Object.keys(scene.engines);
       this.engine.replaceChildren();
       for (const id of names) make("option", ninedisk.data.head.engines.find(each => each.id === id).name, this.engine).value = id;
@@ -114,7 +121,7 @@
       [this.x, this.angle, this.point, this.normal] = ["x", "angle", "wall_point", "wall_angle"].map(name => three(array(name)));
       const n = this.radius.length;
       // Orientations: rotations from one stored configuration to the next, exact while the axis of the spin stays.
-      this.poles = [Array.from({ length: n }, () => POLES)];
+      this.poles = [this.first];
       for (let k = 1; k < this.t.length && n <= MOST_POLES; k++)
         this.poles.push(this.poles[k - 1].map((poles, i) => poles.map(pole => turned(pole, this.step(k - 1, i)))));
       this.spins = n <= MOST_POLES && this.angle.some(each => size(each) > 0);
@@ -123,6 +130,38 @@
       this.slider.max = this.t.length - 1;
       for (const each of [this.button, this.slider]) each.hidden = this.t.length < 2;
       this.show();
+    }
+
+    isBox(i) {
+      return size(this.half[i] ?? [0, 0, 0]) > 0;
+    }
+
+    /* Bodies from the farthest on, where a face of a box that lies between two of them decides. */
+    inOrder(bodies, near) {
+      if (!this.half.length) return bodies;
+      const least = (body, n) => dot(body.x, n) - (this.isBox(body.i) // the least height of a body along n
+        ? [0, 1, 2].reduce((sum, edge) => sum + this.half[body.i][edge] * Math.abs(dot(body.poles[2 * edge], n)), 0) : this.radius[body.i]);
+      const hides = (front, behind) => [[front, behind, -1], [behind, front, 1]].some(([box, other, way]) => this.isBox(box.i)
+        && box.poles.some((n, f) => way * dot(n, near) > 1e-9 && least(other, n) > dot(box.x, n) + 0.98 * this.half[box.i][f >> 1]));
+      const left = [...bodies], found = [];
+      while (left.length) {
+        const next = left.findIndex(one => !left.some(other => other !== one && hides(one, other)));
+        found.push(...left.splice(Math.max(next, 0), 1));
+      }
+      return found;
+    }
+
+    /* Faces of a box that are seen, from its directions. */
+    box(i, x, poles, near, flat) {
+      for (let f = 0; f < 6; f++) {
+        const facing = dot(poles[f], near), edge = f >> 1, [one, two] = [(edge + 1) % 3, (edge + 2) % 3];
+        if (facing <= 1e-9) continue;
+        const corners = [[1, 1], [-1, 1], [-1, -1], [1, -1]].map(([p, q]) => plus(plus(plus(x,
+          poles[f], this.half[i][edge]), poles[2 * one], p * this.half[i][one]), poles[2 * two], q * this.half[i][two]));
+        const told = corners.map(corner => flat(corner).map(each => each.toFixed(4)).join(",")).join(" ");
+        const light = Math.round(45 + 40 * facing);
+        draw("polygon", this.picture, { points: told, class: "box", fill: `hsl(212 28% ${light}%)` });
+      }
     }
 
     step(k, i) {
@@ -187,13 +226,20 @@
       for (let w = 0; w < m; w++) plane(w, true);
       const balls = Array.from({ length: n }, (_, i) => { const x = mix(this.x, n, i); return { i, x, depth: dot(x, near) }; });
       balls.sort((a, b) => a.depth - b.depth);
-      for (const { i, x } of balls) {
+      for (const each of balls) {
+        const onward = next > k && this.poles.length > 1 ? this.step(k, each.i).map(angle => angle * part) : [0, 0, 0];
+        each.poles = (this.poles[k] ?? this.poles[0])[each.i].map(pole => turned(pole, onward));
+      }
+      for (const { i, x, poles } of this.inOrder(balls, near)) {
+        if (this.isBox(i)) {
+          this.box(i, x, poles, near, flat);
+          continue;
+        }
         const [cx, cy] = flat(x), r = scale * this.radius[i];
         draw("circle", this.picture, { cx: cx.toFixed(4), cy: cy.toFixed(4), r: r.toFixed(4), class: "ball", fill: "url(#ball)" });
         if (!this.spins) continue;
-        const onward = next > k ? this.step(k, i).map(each => each * part) : [0, 0, 0];
-        for (const pole of this.poles[k][i]) {
-          const at = turned(pole, onward), facing = dot(at, near);
+        for (const at of poles) {
+          const facing = dot(at, near);
           if (facing < 0.05) continue;
           const [px, py] = flat(plus(x, at, 0.97 * this.radius[i]));
           draw("circle", this.picture, { cx: px.toFixed(4), cy: py.toFixed(4), r: (0.09 * r * Math.sqrt(facing)).toFixed(4), class: "pole" });
@@ -205,7 +251,7 @@
       this.button.textContent = this.playing ? "❚❚ Pause" : "▶ Play";
       this.told.textContent = this.t.length < 2 ? "" : `t = ${+(this.t[k] * (1 - part) + this.t[next] * part).toPrecision(4)} s`;
       const degrees = angle => Math.round(angle * 180 / Math.PI);
-      this.svg.setAttribute("aria-label", `${n} sphere${n === 1 ? "" : "s"} and ${m} plane${m === 1 ? "" : "s"}, turned by ${degrees(this.yaw) % 360}°, seen from ${degrees(this.pitch)}° above. ${this.told.textContent}`);
+      this.svg.setAttribute("aria-label", `${n} ${this.half.length ? "bod" : "sphere"}${this.half.length ? n === 1 ? "y" : "ies" : n === 1 ? "" : "s"} and ${m} plane${m === 1 ? "" : "s"}, turned by ${degrees(this.yaw) % 360}°, seen from ${degrees(this.pitch)}° above. ${this.told.textContent}`);
     }
 
     /* The axes, and the way down, in a corner. */

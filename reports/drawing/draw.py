@@ -311,7 +311,10 @@ class PlaneView:
 
 @dataclass(frozen=True)
 class SpaceView:
-    """Spheres and planes of a scene; ``marks`` are the watched contacts by label, ``up`` the number of the axis that stands upright."""
+    """Spheres, boxes and planes of a scene; ``marks`` are the watched contacts by label, ``up`` the number of the axis that stands upright.
+
+    ``half`` has half the edges of boxes, zeros of spheres; the columns of ``turn`` are the directions of the edges.
+    """
 
     x: FloatArray
     v: FloatArray
@@ -320,6 +323,8 @@ class SpaceView:
     walls: tuple[PlaneView, ...]
     gravity: FloatArray
     marks: tuple[tuple[str, FloatArray], ...]
+    half: FloatArray
+    turn: FloatArray
 
     @property
     def up(self) -> int:
@@ -334,8 +339,10 @@ class SpaceView:
             (*np.round(wall.normal, 1), *np.sign(wall.spin), *np.sign(np.array(wall.moves)).ravel())
             for wall in self.walls
         )
-        shape = np.round(np.concatenate([self.x, self.radius[:, None]], axis=1) / size, 1)
+        shape = np.round(np.concatenate([self.x, self.radius[:, None], self.half], axis=1) / size, 1)
+        turn = np.round(self.turn[self.half.any(axis=1)], 1)
         return (
+            tuple(turn.ravel()),
             tuple(shape.ravel()),
             planes,
             *(tuple(np.sign(each).ravel()) for each in (self.v, self.omega, self.gravity)),
@@ -351,6 +358,9 @@ def read_space(setup: Mapping[str, Any]) -> SpaceView | None:
         spheres = scene["spheres"]
         x, v, omega = (np.array(spheres[name], dtype=np.float64).reshape(-1, 3) for name in ("x", "v", "omega"))
         radius = np.array(spheres["radius"], dtype=np.float64).reshape(len(x))
+        half = np.array(spheres.get("half_sizes", np.zeros_like(x)), dtype=np.float64).reshape(x.shape)
+        still = np.tile([1.0, 0.0, 0.0, 0.0], (len(x), 1))
+        turn = _rotations(np.array(spheres.get("quaternion", still), dtype=np.float64).reshape(still.shape))
         walls = tuple(_plane_of(wall) for wall in scene["walls"])
         labels = setup.get("labels") or {f"{i}–{j}": (i, j) for i, j in setup.get("watch", ())}
         reported = (
@@ -360,7 +370,39 @@ def read_space(setup: Mapping[str, Any]) -> SpaceView | None:
         gravity = np.array(scene["gravity"], dtype=np.float64).reshape(3)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError):
         return None
-    return SpaceView(x, v, omega, radius, walls, gravity, marks) if len(x) and np.isfinite(x).all() else None
+    if not (len(x) and np.isfinite(x).all()):
+        return None
+    return SpaceView(x, v, omega, radius, walls, gravity, marks, half, turn)
+
+
+def _rotations(quaternion: FloatArray) -> FloatArray:
+    """Rotation matrices, shape (n, 3, 3), of unit quaternions ``(w, x, y, z)``, shape (n, 4)."""
+    w, u = quaternion[:, :1, None], quaternion[:, 1:]
+    crossed = np.cross(u[:, None, :], np.eye(3)).transpose(0, 2, 1)
+    found: FloatArray = np.eye(3) + 2.0 * w * crossed + 2.0 * crossed @ crossed
+    return found
+
+
+def faces_of(x: FloatArray, half: FloatArray, turn: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Outward normal, shape (3,), and corners in their order round it, shape (4, 3), of each face of a box.
+
+    Parameters
+    ----------
+    x, half : ndarray, shape (3,)
+        Centre and half the edges [m].
+    turn : ndarray, shape (3, 3)
+        Directions of the edges as columns.
+    """
+    found = []
+    for axis in range(3):
+        one, two = ((axis + step) % 3 for step in (1, 2))
+        for side in (1.0, -1.0):
+            middle = x + side * half[axis] * turn[:, axis]
+            a, b = half[one] * turn[:, one], half[two] * turn[:, two]
+            found.append(
+                (side * turn[:, axis], np.array([middle + a + b, middle - a + b, middle - a - b, middle + a - b]))
+            )
+    return found
 
 
 def _plane_of(wall: Mapping[str, Any]) -> PlaneView:
@@ -488,7 +530,7 @@ def draw_sketch(scene: SceneView) -> str:
 def draw_projection(picture: Projection) -> str:
     """SVG of a scene in space seen along an axis; planes that are not seen edge-on are cut through the scene's middle, dashed."""
     from matplotlib import rc_context
-    from matplotlib.patches import Circle
+    from matplotlib.patches import Circle, Polygon
 
     scene, pair = picture.scene, list(picture.axes)
     x, v, omega, size = scene.x[:, pair], scene.v, scene.omega, 0.0
@@ -503,13 +545,32 @@ def draw_projection(picture: Projection) -> str:
         for k in np.argsort(picture.nearer * scene.x[:, picture.depth], kind="stable").tolist():
             centre, radius = x[k], float(scene.radius[k])
             level = 2.0 + 1e-3 * len(axes.patches)
-            axes.add_patch(
-                Circle(tuple(centre), radius, facecolor=SPHERE[0], edgecolor=SPHERE[1], linewidth=0.9, zorder=level)
-            )
-            shine = centre + radius * np.array([-0.28, 0.3])
-            axes.add_patch(
-                Circle(tuple(shine), 0.45 * radius, facecolor="#ffffff", alpha=0.35, edgecolor="none", zorder=level)
-            )
+            if scene.half[k].any():
+                for normal, corners in faces_of(scene.x[k], scene.half[k], scene.turn[k]):
+                    facing = picture.nearer * float(normal[picture.depth])
+                    if facing > 1e-9:
+                        axes.add_patch(
+                            Polygon(
+                                corners[:, pair], facecolor=SPHERE[0], edgecolor=SPHERE[1], linewidth=0.9, zorder=level
+                            )
+                        )
+                        axes.add_patch(
+                            Polygon(
+                                corners[:, pair],
+                                facecolor="#ffffff",
+                                alpha=0.35 * facing,
+                                edgecolor="none",
+                                zorder=level,
+                            )
+                        )
+            else:
+                axes.add_patch(
+                    Circle(tuple(centre), radius, facecolor=SPHERE[0], edgecolor=SPHERE[1], linewidth=0.9, zorder=level)
+                )
+                shine = centre + radius * np.array([-0.28, 0.3])
+                axes.add_patch(
+                    Circle(tuple(shine), 0.45 * radius, facecolor="#ffffff", alpha=0.35, edgecolor="none", zorder=level)
+                )
             if radius > 0.03 * float((high - low).max()):
                 axes.text(*centre, str(k), ha="center", va="center", fontsize=9, color=SPHERE[2], zorder=level)
         for k, (centre, radius) in enumerate(zip(x, scene.radius, strict=True)):

@@ -99,14 +99,18 @@ def moving_scenes(case: CaseData, arrays: Arrays) -> dict[str, Any]:
 
 
 def spaces(case: CaseData, arrays: Arrays) -> dict[str, Any]:
-    """By variant in space: axis that stands upright, gravity, radii, and for each engine the numbers of its arrays; set-ups that no
-    engine ran have one configuration, the set-up's."""
+    """By variant in space: axis that stands upright, gravity, radii, boxes if there are any, and for each engine the numbers of its arrays.
+
+    Set-ups that no engine ran have one configuration, the set-up's.
+    """
     found: dict[str, Any] = {}
     for cell in case.cells:
         view = read_space(decoded(cell["setup"], dict))
         if view is None:
             continue
         given = {"up": view.up, "gravity": view.gravity.tolist(), "radius": arrays(view.radius), "engines": {}}
+        if view.half.any():  # rows of a turn are the directions of the edges
+            given |= {"half": arrays(view.half), "turn": arrays(view.turn.transpose(0, 2, 1))}
         scene = found.setdefault(cell["variant"], given)
         scene["setup"] = _configurations(arrays, {"t": [0.0], "x": [view.x], "angle": [0.0 * view.x]}, view)
         held = decoded(cell["frames"], dict)

@@ -12,7 +12,7 @@ import pytest
 from ninedisk.core.law import Rolling, SphereLaw
 from ninedisk.core.scene import PlaneSegment, PlaneWall, Spheres, SphereScene
 from ninedisk.reports.build import build_report
-from ninedisk.reports.drawing.draw import Projection, draw_projection, numbers_of, read_scene, read_space
+from ninedisk.reports.drawing.draw import Projection, draw_projection, faces_of, numbers_of, read_scene, read_space
 from ninedisk.reports.drawing.scenes import Arrays, read_frames, spaces
 
 LAW = SphereLaw(kn=1e5, ks=1e5, mu=0.3, twisting=Rolling(model="constant", mu=0.1))
@@ -93,6 +93,48 @@ def test_a_drawing_has_every_sphere_what_moves_and_a_cut_of_oblique_planes():
     assert np.allclose(view.marks[1][1], view.x[0] + (view.x[1] - view.x[0]) / 1.5)
 
 
+HALF, QUATERNION = np.array([2.0, 1.0, 0.3]), np.array([0.8, 0.36, 0.48, 0.0])
+
+
+def boxed(quaternion=QUATERNION) -> dict:
+    """A turned box, and a ball that lies on the far side of its top where it turns about z."""
+    spheres = Spheres(
+        x=[(0, 0, 1), (0, 0.7, 1.5)],
+        radius=[2.3, 0.2],
+        mass=1.0,
+        half_sizes=[HALF, (0, 0, 0)],
+        quaternion=[quaternion, (1, 0, 0, 0)],
+    )
+    floor = PlaneWall(name="floor", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), law=LAW)
+    scene = SphereScene(spheres=spheres, sphere_sphere=LAW, walls=(floor,), gravity=(0.0, 0.0, -9.81))
+    return json.loads(json.dumps({"scene": scene.to_dict(), "labels": {"below": [0, 2]}}))
+
+
+def test_a_box_has_six_faces_whose_shadows_are_those_of_the_box():
+    """``q a q*`` by Rodrigues' formula; what is seen from anywhere covers the sum of the faces' areas by their slant."""
+    view = read_space(boxed())
+    axis, angle = QUATERNION[1:] / np.linalg.norm(QUATERNION[1:]), 2.0 * np.arccos(QUATERNION[0])
+    for edge, given in enumerate(np.eye(3)):
+        by_hand = (
+            np.cos(angle) * given
+            + np.sin(angle) * np.cross(axis, given)
+            + (1.0 - np.cos(angle)) * (axis @ given) * axis
+        )
+        np.testing.assert_allclose(view.turn[0][:, edge], by_hand, atol=1e-14)
+    faces = faces_of(view.x[0], view.half[0], view.turn[0])
+    assert len(faces) == 6
+    seen = 0.0
+    for normal, corners in faces:
+        along = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+        assert np.linalg.norm(np.cross(along, normal)) < 1e-12
+        assert (corners.mean(axis=0) - view.x[0]) @ normal > 0.0
+        seen += np.linalg.norm(along) * max(normal[2], 0.0)
+    areas = 4.0 * np.array([HALF[1] * HALF[2], HALF[0] * HALF[2], HALF[0] * HALF[1]])
+    assert seen == pytest.approx(areas @ np.abs(view.turn[0][2]), rel=1e-12)
+    assert np.linalg.norm(faces[0][1] - view.x[0], axis=1) == pytest.approx(np.linalg.norm(HALF))
+    assert view.signature != read_space(stored()).signature
+
+
 def test_nonsense_is_no_scene_and_neither_kind_is_taken_for_the_other():
     setup = stored()
     assert read_scene(setup) is None
@@ -152,4 +194,30 @@ def test_the_picture_turns_plays_and_prints(tab, report: Path):
     tab.call("Emulation.setEmulatedMedia", media="print")
     assert tab.run("document.querySelector('.turning svg').getBoundingClientRect().height") > 100
     assert tab.run("getComputedStyle(document.querySelector('.turning .controls')).display") == "none"
+    assert tab.complaints == []
+
+
+def test_boxes_have_the_faces_that_are_seen_and_cover_what_is_behind(write, small, tab, tmp_path):
+    """The ball's centre is farther than the box's, and the ball is in front of the box's top all the same."""
+    setup = boxed((np.cos(0.15), 0.0, 0.0, np.sin(0.15)))
+    write(
+        tmp_path / "store",
+        "20260101T030405Z-abcdef",
+        small(case="box/demo", setup=json.dumps(setup), frames=json.dumps(frames(read_space(setup)))),
+    )
+    built = build_report(tmp_path / "store", tmp_path / "report").parent
+    tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-reduced-motion", "value": "reduce"}])
+    tab.open(built / "case" / "box-demo.html")
+    tab.wait("document.querySelector('figure.turning.drawn')")
+    drawn = "[...document.querySelectorAll('.turning .box, .turning .ball')].map(each => each.getAttribute('class')).join(' ')"
+    assert tab.run(drawn) == "box box box ball"
+    corners = "document.querySelector('.turning .box').getAttribute('points')"
+    begin = tab.run(corners)
+    tab.run("(s => { s.value = 2; s.dispatchEvent(new Event('input')); })(document.querySelector('.turning input'))")
+    assert tab.run(corners) != begin
+    tab.click(".turning svg")
+    for _ in range(30):
+        tab.key("ArrowUp")  # from below, where the box hides the ball
+    assert tab.run(drawn).startswith("ball")
+    assert "2 bodies" in tab.run("document.querySelector('.turning svg').getAttribute('aria-label')")
     assert tab.complaints == []
