@@ -285,13 +285,17 @@ def test_a_disk_between_its_own_images_swings_as_fast_as_the_critical_step_says(
 
 
 def test_laws_of_a_single_disk_in_a_cell_are_those_of_its_images() -> None:
-    scene = Scene(
-        disks=Disks(x=[[0.1, 0.2]], radius=0.5, mass=1.0),
-        disk_disk=ContactLaw(kn=KN, cohesion=10.0),
-        cell=Cell(size=(0.9, 3.0)),
-    )
-    with pytest.raises(InvalidSceneError, match="cohesion"):
-        DemSession(scene, how(1))
+    """It touches its images along x: a stress ``(kn - cohesion) overlap d/area``, compression positive, whatever the loop."""
+    for cohesion in (0.0, 0.2 * KN):
+        scene = Scene(
+            disks=Disks(x=[[0.1, 0.2]], radius=0.5, mass=1.0),
+            disk_disk=ContactLaw(kn=KN, cohesion=cohesion),
+            cell=Cell(size=(0.9, 3.0)),
+        )
+        stress = DemSession(scene, how(1)).run().stress
+        assert stress is not None
+        truth = [[(KN - cohesion) * 0.1 * 0.9 / 2.7, 0.0], [0.0, 0.0]]
+        np.testing.assert_allclose(stress[:, 0], [truth] * len(stress), rtol=1e-12, atol=1e-12 * KN)
 
 
 def test_scenes_without_a_cell_have_no_stress() -> None:

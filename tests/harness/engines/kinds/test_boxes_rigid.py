@@ -42,6 +42,8 @@ SINGLE = {"jolt": 2e-5, "sapien": 2e-5}
 
 each_engine = pytest.mark.parametrize("engine", SOFT)
 OF_SEVERAL = ("bullet", "dart", "mujoco", "jolt", "sapien")
+WITH_FORCES = ("bullet", "dart", "mujoco", "jolt")
+"""Engines of several boxes, and of those with forces on bodies in space."""
 
 
 def law(mu: float = 0.3) -> SphereLaw:
@@ -73,6 +75,8 @@ def run(engine: str, scene: SphereScene, n_steps: int, watch: Any = ()) -> Histo
 def test_these_are_all_engines_with_boxes() -> None:
     able = {name for name in BUILTIN_ENGINES if Capability.BOXES in get_engine(name).info().capabilities}
     assert able - {"cd", "dem"} == set(SOFT)
+    pushed = {name for name in SOFT if Capability.BODY_FORCES_3D in get_engine(name).info().capabilities}
+    assert pushed == set(WITH_FORCES)
 
 
 def sees_forces(engine: str, history: History) -> bool:
@@ -184,7 +188,7 @@ def test_a_stack_of_boxes_and_a_ball_bears_what_statics_says(engine: str) -> Non
     np.testing.assert_allclose(history.v[-1], 0.0, atol=5e-3)
 
 
-@pytest.mark.parametrize("engine", OF_SEVERAL)
+@pytest.mark.parametrize("engine", WITH_FORCES)
 def test_a_force_and_a_torque_act_along_the_axes_of_the_scene(engine: str) -> None:
     """On a turned cube, whose moment of inertia has no direction, from inside one step to inside another."""
     side, mass = 0.3, 3.0
