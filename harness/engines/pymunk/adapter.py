@@ -23,7 +23,7 @@ from ninedisk.harness.api.engine import (
     Support,
     run_session,
 )
-from ninedisk.harness.api.knobs import Knob
+from ninedisk.harness.api.knobs import Knob, given_knobs
 from ninedisk.harness.api.support import rigid_support, without_spring_preload
 from ninedisk.harness.engines.process import package_version
 
@@ -121,7 +121,8 @@ class PymunkEngine:
         except ImportError as error:
             raise EngineNotInstalledError(f"pymunk cannot be imported ({error}): pip install pymunk") from error
         try:
-            make = partial(PymunkSession, options=read_options(self.id, OPTIONS, numerics))
+            given = given_knobs(self.id, KNOBS, numerics)
+            make = partial(PymunkSession, options=read_options(self.id, OPTIONS, numerics), knobs=given)
             return run_session(make, without_spring_preload(scene), numerics, watch)
         except AssertionError as error:  # pymunk checks its arguments by assert
             raise EngineError(f"pymunk refused a value: {error}") from error

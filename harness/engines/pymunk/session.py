@@ -24,9 +24,8 @@ import pymunk
 from ninedisk.core.history import History, Pair
 from ninedisk.core.numerics import Numerics
 from ninedisk.core.scene import FloatArray, Scene
-from ninedisk.harness.api.knobs import given_knobs, recorded_knobs
+from ninedisk.harness.api.knobs import recorded_knobs
 from ninedisk.harness.engines.lengths import touch_length, wall_reach
-from ninedisk.harness.engines.pymunk.adapter import KNOBS
 from ninedisk.harness.engines.world import WorldSession, signed_angle
 
 _MEETS_DISKS, _MEETS_WALLS, _WALL = 1, 2, 4
@@ -38,7 +37,13 @@ class PymunkSession(WorldSession):
     engine = "pymunk"
 
     def __init__(
-        self, scene: Scene, numerics: Numerics, pairs: tuple[Pair, ...], *, options: Mapping[str, Any]
+        self,
+        scene: Scene,
+        numerics: Numerics,
+        pairs: tuple[Pair, ...],
+        *,
+        options: Mapping[str, Any],
+        knobs: Mapping[str, Any],
     ) -> None:
         super().__init__(scene, numerics, pairs)
         self.reach = wall_reach(scene, numerics, "pymunk")
@@ -48,7 +53,7 @@ class PymunkSession(WorldSession):
         self.space.gravity = scene.gravity
         self.space.iterations = options["pymunk.iterations"]
         self.space.collision_bias = options["pymunk.collision_bias"]
-        given = given_knobs("pymunk", KNOBS, numerics) if stock else {}
+        given = knobs if stock else {}
         for name, value in given.items():
             setattr(self.space, name, value)
         if not stock:
