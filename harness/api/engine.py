@@ -126,7 +126,9 @@ class Difference(StrEnum):
     IMPULSES_OF_OTHERS = (
         "the impulses of one contact are now and then reported as those of another; the motion is right"
     )
-    BOXES_ROCK = "boxes that lie on boxes do not come to rest: corners lift by up to 0.002 of their size and fall back"
+    BOXES_ROCK = (
+        "boxes that lie on boxes need not come to rest: corners lift by up to 0.002 of their size and fall back"
+    )
     NORMAL_TURNS_IN_IMPACT = (
         "restitution takes the approach along the line of centres at the begin of a step, the impulse acts along that at its "
         "end: e = 1 gains energy, first order in the step"

@@ -40,7 +40,7 @@ def yade_files(folder: Path) -> list[Path]:
                 (found if stream.read(len(HEAD)) == HEAD else others).append(file)
     if found and (odd := [file for file in others if file.suffix in {each.suffix for each in found}]):
         raise UsageError(
-            f"{odd[0]}, line 1: it does not begin with '{HEAD} ...', as {found[0].name} does: mend it, or move it to another folder"
+            f"{odd[0]}, line 1: it lacks the first words '{HEAD} ...' of {found[0].name}: correct it, or move it to another folder"
         )
     return found
 

@@ -154,10 +154,11 @@ def _exact(params: Mapping[str, Any], setup: Any, observed: Observed, engine: En
     # Rounding decides whether a stop that ends with a step takes one more.
     rough = 1e-9 * spin + 3.0 * off.speed / _arm(params)
     aside = OFF if askew_of(engine) else _sooner(engine)
+    pyramid = "; friction of a pyramid, at corners up to 1.41 times as strong" if _sooner(engine) else ""
     return [
         Check(quantity=name, norm="max", truth="exact-step", expected=values[observed.step],
               source=f"{engine.scheme}: exact spins and their sum", rtol=EXACT_STEP_RTOL, atol=(rough + aside * spin) * time, scale=scale,
-              why=f"exact solution of this very scheme: round-off and the solver's tolerance{single_precision(engine)}")
+              why=f"exact solution of this very scheme: round-off and the solver's tolerance{single_precision(engine)}{pyramid}")
         for name, values, time, scale in (("spin", spins, 1.0, spin), ("turned", angle, float(observed.t[-1]), float(angle[-1])))
     ]  # fmt: skip
 
